@@ -152,21 +152,15 @@ def test_reciprocity_between_media():
         "azimuth": 50.0,
         "streams": 9,
     }
-    one = free_factor(
-        [0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.8, cos_viewing=0.3, **given
-    )
-    other = free_factor(
-        [0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.3, cos_viewing=0.8, **given
-    )
+    stack = [0.9, 0.8], [0.3, 2.0]
+    there: dict = {"cos_incidence": 0.8, "cos_viewing": 0.3}
+    back: dict = {"cos_incidence": 0.3, "cos_viewing": 0.8}
+    one, other = (free_factor(*stack, transmitted=False, **way, **given) for way in (there, back))
     assert float(one) == pytest.approx(float(other), abs=ROUNDING)
-    through = free_factor(
-        [0.9, 0.8], [0.3, 2.0], transmitted=True, cos_incidence=0.8, cos_viewing=0.3, **given
-    )
+    through = free_factor(*stack, transmitted=True, **there, **given)
     given |= {"phase": PHASE[::-1], "refractive_index": (1.3, 1.5)}
-    back = free_factor(
-        [0.8, 0.9], [2.0, 0.3], transmitted=True, cos_incidence=0.3, cos_viewing=0.8, **given
-    )
-    assert float(through) == pytest.approx(float(back), abs=ROUNDING)
+    turned = free_factor([0.8, 0.9], [2.0, 0.3], transmitted=True, **back, **given)
+    assert float(through) == pytest.approx(float(turned), abs=ROUNDING)
 
 
 def test_clear_slab_is_the_closed_form():
@@ -194,22 +188,14 @@ def test_factor_sums_to_the_flux():
             **given,
         )
         flux = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=0.7, **given)
-        straight = (
-            free_regular(*stack, refractive_index=1.4, cos_incidence=0.7) if transmitted else 0.0
-        )
-        mirrored = (
-            0.0
+        # What goes straight through, or is mirrored by the faces.
+        beam: dict = {"refractive_index": 1.4, "cos_incidence": 0.7}
+        sharp = (
+            free_regular(*stack, **beam)
             if transmitted
-            else free_hemispherical(
-                [0.0, 0.0],
-                [0.3, 2.0],
-                transmitted=False,
-                cos_incidence=0.7,
-                refractive_index=1.4,
-                streams=4,
-            )
+            else free_hemispherical([0.0, 0.0], stack[1], transmitted=False, streams=4, **beam)
         )
-        assert np.mean(each, axis=0) @ (2 * cos * weights) + straight + mirrored == pytest.approx(
+        assert np.mean(each, axis=0) @ (2 * cos * weights) + sharp == pytest.approx(
             float(flux), abs=1e-5
         )
         fluxes = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=cos, **given)

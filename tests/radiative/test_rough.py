@@ -25,6 +25,7 @@ COSINES = np.array([0.05, 0.2, 0.5, 0.8, 1.0])
 ALBEDO = np.array([[0.9, 0.5], [1 - 1e-6, 0.9], [0.3, 0.99], [1.0, 1.0], [0.0, 0.7]])
 THICKNESS = np.array([[0.3, 2.0], [0.01, 0.05], [0.0, 30.0], [1.0, 1e3], [0.2, 0.0]])
 GROUND = np.array([0.5, 0.9, 0.0, 1.0, 0.8])
+STACKS = ALBEDO, THICKNESS, GROUND
 
 
 # The usual surface, then the ends of both ranges.
@@ -67,38 +68,30 @@ def test_surface_keeps_all_energy_on_both_sides(roughness, index):
 
 
 def test_incidence_and_viewing_exchanged_give_the_same():
-    there = rough.rough_reflectance_factor(
-        ALBEDO, THICKNESS, GROUND, roughness=0.3, cos_incidence=0.3, cos_viewing=COSINES
-    )
-    back = rough.rough_reflectance_factor(
-        ALBEDO, THICKNESS, GROUND, roughness=0.3, cos_incidence=COSINES, cos_viewing=0.3
-    )
-    assert np.allclose(there, back, rtol=ROUNDING, atol=0)
-    surface = [
-        rough.surface_reflectance_factor(a, b, 40.0, roughness=0.3)
-        for a, b in ((0.3, COSINES), (COSINES, 0.3))
+    pairs = (0.3, COSINES), (COSINES, 0.3)
+    body = [
+        rough.rough_reflectance_factor(*STACKS, roughness=0.3, cos_incidence=a, cos_viewing=b)
+        for a, b in pairs
     ]
+    assert np.allclose(*body, rtol=ROUNDING, atol=0)
+    surface = [rough.surface_reflectance_factor(*pair, 40.0, roughness=0.3) for pair in pairs]
     assert np.allclose(*surface, rtol=ROUNDING, atol=0)
 
 
 def test_smooth_surface_is_the_smooth_solver_to_the_last_digit():
-    stack = ALBEDO, THICKNESS, GROUND
     cosines = {"cos_incidence": COSINES, "tolerance": 1e-4}
-    ours = rough.rough_reflectance_factor(*stack, roughness=0.0, **cosines)
-    assert np.array_equal(ours, gj.stack_reflectance_factor(*stack, **cosines))
-    ours = gj.rough_hemispherical_reflectance(*stack, roughness=0, **cosines)
-    assert np.array_equal(ours, gj.stack_hemispherical_reflectance(*stack, **cosines))
+    ours = rough.rough_reflectance_factor(*STACKS, roughness=0.0, **cosines)
+    assert np.array_equal(ours, gj.stack_reflectance_factor(*STACKS, **cosines))
+    ours = gj.rough_hemispherical_reflectance(*STACKS, roughness=0, **cosines)
+    assert np.array_equal(ours, gj.stack_hemispherical_reflectance(*STACKS, **cosines))
 
 
 @pytest.mark.slow
 def test_a_little_roughness_changes_little():
-    stack = ALBEDO, THICKNESS, GROUND
     cosines = {"cos_incidence": COSINES[::-1], "cos_viewing": COSINES, "tolerance": 1e-4}
-    smooth = gj.stack_reflectance_factor(*stack, **cosines)
+    smooth = gj.stack_reflectance_factor(*STACKS, **cosines)
     steps = [
-        float(
-            np.max(np.abs(rough.rough_reflectance_factor(*stack, roughness=a, **cosines) - smooth))
-        )
+        np.max(np.abs(rough.rough_reflectance_factor(*STACKS, roughness=a, **cosines) - smooth))
         for a in (0.03, 0.003, 3e-4)
     ]
     # At these angles it changes as the square of the roughness and, at the critical angle, faster;
@@ -134,7 +127,7 @@ def test_ports_are_the_reflectance_over_any_ground():
 def test_ports_of_a_smooth_surface_are_those_of_the_smooth_solver(index):
     given = {"cos_incidence": COSINES, "cos_viewing": 0.6}
     ports = rough.rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
-    theirs = gj.stack_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=index, **given)
+    theirs = gj.stack_reflectance_factor(*STACKS, refractive_index=index, **given)
     assert np.max(np.abs(ports.reflectance(GROUND) - theirs)) < 2e-5
 
 
@@ -186,7 +179,7 @@ def test_values_and_gradients_are_finite_at_the_edges():
 
 @pytest.mark.slow
 def test_jit_and_vmap_and_loop_give_the_same():
-    stacks = [jnp.asarray(a) for a in (ALBEDO, THICKNESS, GROUND, COSINES, COSINES[::-1])]
+    stacks = [jnp.asarray(a) for a in (*STACKS, COSINES, COSINES[::-1])]
     check_mapped(_value, *stacks, rtol=ROUNDING, atol=1e-8)
     alone = _value(*(a[1] for a in stacks))
     assert np.isclose(alone, _value(*stacks)[1], rtol=ROUNDING)
@@ -196,13 +189,9 @@ def test_jit_and_vmap_and_loop_give_the_same():
 def test_an_index_for_each_band_is_each_index_by_itself():
     index = np.array([1.5, 1.5, 1.7, 1.5, 1.7])
     given = {"roughness": 0.2, "cos_incidence": COSINES, "tolerance": 1e-3}
-    both = rough.rough_reflectance_factor(
-        ALBEDO, THICKNESS, GROUND, refractive_index=index, **given
-    )
+    both = rough.rough_reflectance_factor(*STACKS, refractive_index=index, **given)
     for one in (1.5, 1.7):
-        alone = rough.rough_reflectance_factor(
-            ALBEDO, THICKNESS, GROUND, refractive_index=one, **given
-        )
+        alone = rough.rough_reflectance_factor(*STACKS, refractive_index=one, **given)
         assert np.array_equal(np.asarray(both)[index == one], np.asarray(alone)[index == one])
     surface = rough.surface_albedo(COSINES, roughness=0.2, refractive_index=index)
     assert np.isclose(
@@ -233,14 +222,10 @@ def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
 
 @pytest.mark.slow
 def test_single_precision_is_as_good_as_it_can_be():
-    arguments = ALBEDO, THICKNESS, GROUND
-    exact = rough.rough_reflectance_factor(
-        *arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3
-    )
+    given = {"roughness": 0.2, "cos_viewing": COSINES, "tolerance": 1e-3}
+    exact = rough.rough_reflectance_factor(*STACKS, **given)
     with jax.enable_x64(False):
-        single = rough.rough_reflectance_factor(
-            *arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3
-        )
+        single = rough.rough_reflectance_factor(*STACKS, **given)
     assert single.dtype == jnp.float32
     assert np.max(np.abs(np.asarray(single, float) - exact)) < 3e-5
 
