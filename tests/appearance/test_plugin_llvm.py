@@ -9,7 +9,7 @@ import glazejax as gj
 from glazejax.appearance.mitsuba import glaze_bsdf
 
 from ..slow import slow
-from .plugin import BLUE, WHITE, mitsuba_in, mixed_over_white
+from .plugin import BLUE, WHITE, direction, interaction, mitsuba_in, mixed_over_white
 
 # Coats and roughness; of these all lobes are drawn, and more glazes change the table only.
 BLUES = [(BLUE, 0.0), (BLUE, 0.1), (BLUE, 0.5)]
@@ -55,18 +55,6 @@ def test_directions_are_drawn_as_the_density_says(mitsuba, coats, roughness):
         assert test.run(significance_level=0.001), angle
 
 
-def many(mi, cosine, count, wavelength=500.0):
-    """`count` equal points, seen from one direction."""
-    import drjit as dr
-
-    si = dr.zeros(mi.SurfaceInteraction3f, count)
-    sine = float(np.sqrt(1 - cosine**2))
-    si.wi = mi.Vector3f(sine, 0.0, cosine)
-    si.uv = mi.Point2f(0.5, 0.5)
-    si.wavelengths = mi.UnpolarizedSpectrum(wavelength)
-    return si
-
-
 @pytest.mark.slow
 def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     import drjit as dr
@@ -86,10 +74,9 @@ def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     for name in names:
         dr.enable_grad(params[name])
     params.update()
-    si = many(mi, 0.6, 1)
+    si = interaction(mi, 0.6, wavelengths=[500.0] * 4)
     cosine = 0.8
-    wo = mi.Vector3f(float(np.sqrt(1 - cosine**2)), 0.0, cosine)
-    dr.backward(bsdf.eval(mi.BSDFContext(), si, wo)[0])
+    dr.backward(bsdf.eval(mi.BSDFContext(), si, direction(mi, cosine))[0])
     # Mitsuba makes a map of one value one of 2 x 2.
     found = [float(np.array(dr.grad(params[name])).sum()) * np.pi / cosine for name in names]
 
