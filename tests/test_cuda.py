@@ -22,6 +22,7 @@ from glazejax import (
 )
 
 from .cuda import assert_runs_there, lowered, trouble, watch
+from .glazes import coated
 from .slow import slow
 
 
@@ -122,18 +123,11 @@ def test_products_keep_all_digits_of_single_precision(method):
     assert [line for line in products if "precision = [HIGHEST, HIGHEST]" not in line] == []
 
 
-def glaze(thickness):
-    paints = gj.catalogue.load()
-    over, under = (paints[name] for name in ("UltramarineBlue", "ChromeYellow"))
-    return gj.Glaze([gj.Layer(over, thickness), gj.Layer(under, 30e-6)], ground=0.85)
-
-
 @pytest.mark.parametrize("geometry", [gj.Bidirectional(45, 0), gj.Hemispherical(8)])
 def test_reflectance_of_a_glaze_and_its_colour(geometry):
     def srgb(thickness):
-        made = glaze(thickness)
-        grid = np.asarray(gj.catalogue.load()["ChromeYellow"].wavelengths)
-        return colour.srgb(grid, gj.reflectance(made, geometry))
+        glaze = coated(0.85, UltramarineBlue=thickness, ChromeYellow=30e-6)
+        return colour.srgb(glaze.wavelengths, gj.reflectance(glaze, geometry))
 
     assert_runs_there(srgb, 10e-6)
     assert_runs_there(jax.jacfwd(srgb), 10e-6)

@@ -22,6 +22,7 @@ from glazejax.stacks import (
     write_stack,
 )
 
+from .glazes import coated
 from .refusals import refusal
 
 COATS = [
@@ -65,8 +66,7 @@ def test_a_file_is_replaced_as_a_whole(tmp_path):
 
 def test_the_glaze_is_that_of_the_shown_coats():
     stack = stack_from_dict(GIVEN)
-    blue = gj.catalogue.pigment("CobaltBlue")
-    expected = gj.reflectance(gj.Glaze([gj.Layer(blue, 2e-6)], 0.6, 1.4), gj.Hemispherical(8.0))
+    expected = gj.reflectance(coated(0.6, 1.4, CobaltBlue=2e-6), gj.Hemispherical(8.0))
     assert_allclose(gj.reflectance(stack.glaze(), stack.instrument), expected, atol=1e-12)
 
 

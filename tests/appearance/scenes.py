@@ -6,6 +6,8 @@ import glazejax as gj
 from glazejax.appearance.scene.scene import Scene
 from glazejax.spectra import Numbers
 
+from ..glazes import coated
+
 GRID = np.arange(400.0, 701.0, 30.0)
 
 
@@ -16,8 +18,7 @@ def paint(name):
 
 def blue_glaze(thickness: Numbers = 3e-6):
     """Ultramarine blue over zinc white, on a bright ground."""
-    top, below = gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)
-    return gj.Glaze([top, below], 0.8)
+    return coated(0.8, bands=GRID, UltramarineBlue=thickness, ZincWhite=20e-6)
 
 
 def scene(shapes, materials, lights, camera, **options):

@@ -25,6 +25,7 @@ from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
 from tests.commands import invoke
 
+from ..glazes import coated
 from ..refusals import refusal
 from .scenes import blue_glaze, paint
 
@@ -264,16 +265,7 @@ def test_the_command_fits_openpbr(tmp_path, monkeypatch):
         "Delta E",
     ):
         assert words in done.output
-    fit = fit_openpbr(
-        gj.Glaze(
-            [
-                gj.Layer(gj.catalogue.load()[n], d)
-                for n, d in (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))
-            ],
-            0.9,
-        ),
-        space="acescg",
-    )
+    fit = fit_openpbr(coated(0.9, UltramarineBlue=3e-6, ZincWhite=20e-6), space="acescg")
     assert f"RMS {fit.errors.rms:.3f}" in done.output
     given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
     assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)

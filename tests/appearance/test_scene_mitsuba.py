@@ -9,7 +9,6 @@ import pytest
 from benchmarks.render.mitsuba_compare import LIMIT, cases, differences, on_objects, ours, theirs
 from numpy.testing import assert_allclose, assert_array_equal
 
-import glazejax as gj
 from glazejax.appearance.mitsuba import variants
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight, PointLight
@@ -20,6 +19,7 @@ from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
 
 from ..fresh import run_python
+from ..glazes import coated
 from ..refusals import refusal
 from ..slow import slow
 
@@ -228,8 +228,7 @@ def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi)
 
 
 def rough_glaze(roughness):
-    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
-    return Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=roughness)
+    return Glazed(coated(0.8, bands=WAVELENGTHS, ZincWhite=1e-5), roughness=roughness)
 
 
 def test_the_ray_caster_says_what_it_cannot_draw():

@@ -35,6 +35,7 @@ from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
 
+from ..glazes import coated
 from ..refusals import refusal
 from ..slow import slow
 from .scenes import GRID, blue_glaze, paint, scene
@@ -99,7 +100,7 @@ def test_a_thickness_map_is_where_it_belongs():
     # Four quarters, seen straight from above: the first row of the map is on top, its first column
     # left.
     depths = np.array([[0.0, 1e-6], [3e-6, 8e-6]])
-    glaze = gj.Glaze([gj.Layer(paint("UltramarineBlue"), 1e-6)], 0.8)
+    glaze = coated(0.8, bands=GRID, UltramarineBlue=1e-6)
     camera = Camera((0, 0, 10), up=(0, 1, 0), field_of_view=np.rad2deg(2 * np.arctan(0.1)))
     light = ParallelLight((1, 0, -1), 1.0)
     material = Glazed(glaze, jnp.asarray(np.kron(depths, np.ones((8, 8)))), gloss=False)
@@ -108,7 +109,7 @@ def test_a_thickness_map_is_where_it_belongs():
     picture = render(made, tolerance=1e-5).radiance
     down, across = np.meshgrid(range(4), range(4), indexing="ij")
     viewing = np.rad2deg(np.arctan(np.hypot(0.5 * across - 0.75, 0.75 - 0.5 * down) / 10))
-    even = gj.Glaze([gj.Layer(paint("UltramarineBlue"), depths[down // 2, across // 2])], 0.8)
+    even = coated(0.8, bands=GRID, UltramarineBlue=depths[down // 2, across // 2])
     exact = gj.reflectance(even, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
     assert_allclose(picture, exact, atol=2e-5)
 
@@ -249,9 +250,7 @@ def test_lamps_have_luminance_one_and_keep_their_lines():
             assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
     # Against ASTM's weights of the illuminant itself: a paint under a fluorescent lamp.
     grid = np.arange(400.0, 701.0, 10.0)
-    reflectance = gj.reflectance(
-        gj.Glaze([gj.Layer(gj.catalogue.load()["Vermillion"], 25e-6)], 0.8), gj.Bidirectional(45.0)
-    )
+    reflectance = gj.reflectance(coated(0.8, Vermillion=25e-6), gj.Bidirectional(45.0))
     for name, limit in (("D65", 0.05), ("A", 0.05), ("FL2", 0.6)):
         white = light_white(lamp(name, grid), grid)
         here = lamp(name, grid) * np.asarray(reflectance) @ colour.colour_weights(grid, "E")
