@@ -14,3 +14,10 @@ def invoke(*words: Any):
     line = [*map(str, words)]
     with mock.patch.object(sys, "argv", ["glazejax", *line]):
         return CliRunner().invoke(make_app(), line)
+
+
+def succeed(*words: Any):
+    """The same of a command that ends well."""
+    done = invoke(*words)
+    assert done.exit_code == 0, done.output
+    return done

@@ -145,6 +145,13 @@ def _tests_set_jax_up_themselves():
 
 
 @pytest.fixture
+def here(monkeypatch, tmp_path):
+    """The folder of the test, in which it works."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def command_line(monkeypatch, tmp_path, capsys):
     """Runs `glazejax` in an empty folder: from first words and a width, a function of the words that
     follow and of the exit status they must have, which gives output and errors.

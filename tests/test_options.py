@@ -236,11 +236,10 @@ def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
     assert float(theirs[0].absorption[0]) != 1
 
 
-def test_no_two_options_write_one_file(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_no_two_options_write_one_file(here):
     options.check_outputs({"--out": Path("a.png"), "--csv": None, "--json": Path("b")}, False)
     with refusal(r"--csv and --out are both a\.png, the same file"):
-        options.check_outputs({"--out": tmp_path / "a.png", "--csv": Path("./a.png")}, False)
+        options.check_outputs({"--out": here / "a.png", "--csv": Path("./a.png")}, False)
 
 
 def test_no_result_replaces_a_workbook_of_which_a_sheet_is_read(tmp_path):

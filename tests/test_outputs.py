@@ -15,10 +15,9 @@ def test_free_names_and_files_that_may_be_replaced(tmp_path):
     assert old.read_text() == "mine"
 
 
-def test_what_is_wrong_is_said(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "old.csv").write_text("mine")
-    (tmp_path / "folder").mkdir()
+def test_what_is_wrong_is_said(here):
+    (here / "old.csv").write_text("mine")
+    (here / "folder").mkdir()
     with refusal(
         r"^--csv old.csv exists; choose another name, or .* --overwrite$", FileExistsError
     ):

@@ -23,7 +23,7 @@ from glazejax.colour import encoded_srgb
 from glazejax.commands import progress
 from glazejax.paint.describe import Coat
 from glazejax.stacks import Stack, write_stack
-from tests.commands import invoke
+from tests.commands import invoke, succeed
 
 from ..glazes import coated
 from ..refusals import refusal
@@ -32,7 +32,7 @@ from .scenes import blue_glaze, paint
 COATS = "UltramarineBlue:3um, ZincWhite:20um"
 
 
-run = partial(invoke, "export")
+run, export = partial(invoke, "export"), partial(succeed, "export")
 
 
 @pytest.fixture(scope="module")
@@ -254,10 +254,8 @@ def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
 
 
 @pytest.mark.slow
-def test_the_command_fits_openpbr(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    done = run(COATS, "--space", "ACEScg")
-    assert done.exit_code == 0, done.output
+def test_the_command_fits_openpbr(here):
+    done = export(COATS, "--space", "ACEScg")
     for words in (
         "UltramarineBlue 3 µm over ZincWhite 20 µm",
         "wrote    glaze.mtlx",
@@ -267,7 +265,7 @@ def test_the_command_fits_openpbr(tmp_path, monkeypatch):
         assert words in done.output
     fit = fit_openpbr(coated(0.9, UltramarineBlue=3e-6, ZincWhite=20e-6), space="acescg")
     assert f"RMS {fit.errors.rms:.3f}" in done.output
-    given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
+    given = inputs(here / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
     assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)
     again = run(COATS)
     assert "--out glaze.mtlx exists" in str(again.exception)
@@ -279,10 +277,9 @@ def test_the_command_reads_a_stack_and_maps(tmp_path):
     np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
     np.save(tmp_path / "share.npy", np.array([[0.0, 0.2, 0.8]]))
     words = (tmp_path / "one.json", "--to", "textures")
-    first = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
-    assert first.exit_code == 0, first.output
+    first = export(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
     assert "card of white and black: exported over white" in first.output
-    second = run(
+    export(
         *words,
         "--thickness-map",
         tmp_path / "share.npy",
@@ -293,13 +290,12 @@ def test_the_command_reads_a_stack_and_maps(tmp_path):
         "--pixel",
         "50um",
     )
-    assert second.exit_code == 0, second.output
     pictures = [read_png(tmp_path / folder / "glaze_base_color.png") for folder in ("a", "b")]
     assert_array_equal(pictures[0], pictures[1])
     assert (tmp_path / "b" / "glaze_normal.png").exists()
     again = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
     assert "exists" in str(again.exception)
-    other = run(
+    export(
         *words,
         "--thickness-map",
         tmp_path / "thin.npy",
@@ -309,7 +305,6 @@ def test_the_command_reads_a_stack_and_maps(tmp_path):
         "--ground",
         "0.1",
     )
-    assert other.exit_code == 0
     assert np.all(read_png(tmp_path / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
 
 
@@ -321,9 +316,8 @@ def test_a_map_that_is_not_in_metres_is_told_so(tmp_path, low, high):
     assert "--thickness-range" in words
 
 
-def test_a_ground_that_no_paint_meets_is_named(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
+def test_a_ground_that_no_paint_meets_is_named(here):
+    (here / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     said = str(run(COATS, "--ground", "infrared.csv").exception)
     assert said.startswith("infrared.csv: the ground: the paints and the ground share no")
 
@@ -343,11 +337,10 @@ def test_a_ground_that_no_paint_meets_is_named(tmp_path, monkeypatch):
         ("--thickness-map a.npy", "--thickness-map is for textures"),
     ],
 )
-def test_wrong_options_are_one_sentence(tmp_path, monkeypatch, words, complaint):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.npy").touch()
+def test_wrong_options_are_one_sentence(here, words, complaint):
+    (here / "a.npy").touch()
     assert complaint in str(run(COATS, *words.split()).exception)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+    assert [path.name for path in here.iterdir()] == ["a.npy"]
 
 
 @pytest.mark.parametrize(
@@ -363,12 +356,11 @@ def test_wrong_options_are_one_sentence(tmp_path, monkeypatch, words, complaint)
         ),
     ],
 )
-def test_without_a_terminal_lines_say_how_far_an_export_is(tmp_path, monkeypatch, words, stages):
+@pytest.mark.usefixtures("here")
+def test_without_a_terminal_lines_say_how_far_an_export_is(monkeypatch, words, stages):
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
-    monkeypatch.chdir(tmp_path)
     np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
-    done = run("Eosin:3um", "--tolerance", "0.01", *words)
-    assert done.exit_code == 0, done.output
+    done = export("Eosin:3um", "--tolerance", "0.01", *words)
     for stage in stages:
         shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", done.stderr, re.MULTILINE)
         assert len({*shares}) > 1, stage

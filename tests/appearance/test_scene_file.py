@@ -21,7 +21,7 @@ from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
 from glazejax.commands import scene as cli_scene
-from tests.commands import invoke
+from tests.commands import invoke, succeed
 
 from ..refusals import refusal
 
@@ -65,8 +65,13 @@ def write(tmp_path):
     return writer
 
 
-def test_the_example_shows_every_kind_of_thing(write):
-    found = scene_file.read_scene(write(scene_file.example()))
+@pytest.fixture
+def read(write):
+    return lambda text: scene_file.read_scene(write(text))
+
+
+def test_the_example_shows_every_kind_of_thing(read):
+    found = read(scene_file.example())
     scene = found.scene
     assert {type(shape) for shape in scene.shapes} == {Plane, Sphere, Box}
     kinds = {table["kind"] for table in tomllib.loads(scene_file.example())["materials"].values()}
@@ -76,11 +81,9 @@ def test_the_example_shows_every_kind_of_thing(write):
     assert "6 objects" in scene_file.describe(found)
 
 
-def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(write):
+def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(read):
     text = scene_file.example().replace("diffuse_bounces = 0", "diffuse_bounces = 2")
-    scene = scene_file.read_scene(
-        write(text.replace('fresnel = "exact"', 'fresnel = "hall"'))
-    ).scene
+    scene = read(text.replace('fresnel = "exact"', 'fresnel = "hall"')).scene
     assert scene.diffuse_bounces == 2
     metal = scene.materials["copper"]
     assert isinstance(metal, Conductor)
@@ -93,11 +96,11 @@ def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(w
         (text.replace('fresnel = "exact"', 'fresnel = "hal"'), "did you mean 'hall'"),
     ):
         with refusal(words):
-            scene_file.read_scene(write(wrong))
+            read(wrong)
 
 
-def test_a_small_scene_is_what_its_file_says(write):
-    found = scene_file.read_scene(write(SMALL))
+def test_a_small_scene_is_what_its_file_says(read):
+    found = read(SMALL)
     scene = found.scene
     assert (scene.width, scene.height, scene.antialias, scene.bounces) == (12, 8, 4, 3)
     assert_allclose(scene.wavelengths, np.arange(400, 701, 20))
@@ -271,13 +274,13 @@ def test_a_small_scene_is_what_its_file_says(write):
         ("width = 12", "width = 12 12", r"my.toml: not a legal TOML file"),
     ],
 )
-def test_errors_name_place_and_value(write, old, new, words):
+def test_errors_name_place_and_value(read, old, new, words):
     assert old in SMALL
     with pytest.raises((ValueError, FileNotFoundError), match=words):
-        scene_file.read_scene(write(SMALL.replace(old, new, 1)))
+        read(SMALL.replace(old, new, 1))
 
 
-def test_measured_reflectances_and_maps(write, tmp_path):
+def test_measured_reflectances_and_maps(read, tmp_path):
     table = "wavelength_nm,red,blue\n" + "\n".join(
         f"{w},{(w - 300) / 500:.4f},0.1" for w in range(380, 781, 10)
     )
@@ -288,7 +291,7 @@ def test_measured_reflectances_and_maps(write, tmp_path):
         'coats = "U',
         'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nground = 0.7\ncoats = "U',
     )
-    scene = scene_file.read_scene(write(text)).scene
+    scene = read(text).scene
     assert_allclose(
         scene.materials["grey"].spectra()["reflectance"],
         (np.asarray(scene.wavelengths) - 300) / 500,
@@ -298,45 +301,43 @@ def test_measured_reflectances_and_maps(write, tmp_path):
         2e-6 + 4e-6 * np.linspace(0, 1, 12).reshape(3, 4),
     )
     with refusal(r"holds 2 spectra: choose one, as paints.csv:red"):
-        scene_file.read_scene(
-            write(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"'))
-        )
+        read(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"'))
 
 
-def test_a_white_above_one_is_noise_or_refused(write, tmp_path):
+def test_a_white_above_one_is_noise_or_refused(read, tmp_path):
     text = SMALL.replace("reflectance = 0.5", 'reflectance = "white.csv"')
     for top in (1.02, 1.2):
         rows = "\n".join(f"{w},{top if w == 500 else 0.98}" for w in range(380, 781, 10))
         (tmp_path / "white.csv").write_text("wavelength_nm,white\n" + rows)
         if top < 1.05:
-            found = scene_file.read_scene(write(text))
+            found = read(text)
             assert np.max(found.scene.materials["grey"].spectra()["reflectance"]) == 1
             (note,) = found.notes
             assert "[materials.grey] reflectance: white.csv reflects 1.02 at 500 nm" in note
         else:
             with refusal(r"\[materials.grey\] reflectance: white.csv reflects 1.2 .*scale"):
-                scene_file.read_scene(write(text))
-    assert scene_file.read_scene(write(SMALL)).notes == ()
+                read(text)
+    assert read(SMALL).notes == ()
 
 
-def test_meshes_are_read_and_placed(write, tmp_path):
+def test_meshes_are_read_and_placed(read, tmp_path):
     trimesh.creation.box((1, 2, 4)).export(tmp_path / "v.obj")
     text = SMALL.replace(
         'shape = "sphere"\ncentre = [0, 0, 1]\nradius = 1',
         'shape = "mesh"\nfile = "v.obj"\nsize = 2\ncentre = [0, 0, 1]\nrotation = [0, 90, '
         "0]\nsmooth = false",
     )
-    mesh = scene_file.read_scene(write(text)).scene.shapes[1]
+    mesh = read(text).scene.shapes[1]
     assert isinstance(mesh, Mesh)
     assert_allclose(mesh.vertices.max(axis=0), [1, 0.5, 1.25], atol=1e-12)
     assert_allclose(mesh.vertices.min(axis=0), [-1, -0.5, 0.75], atol=1e-12)
     assert mesh.normals is None
     (tmp_path / "v.obj").write_text("not a mesh")
     with refusal(r"\[objects.ball\].*v.obj: .*triangles|\[objects.ball\].*cannot read"):
-        scene_file.read_scene(write(text))
+        read(text)
 
 
-def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
+def test_area_lights_relief_and_roughness_are_read(read, tmp_path):
     heights = np.linspace(-1, 1, 12).reshape(3, 4)
     np.save(tmp_path / "strokes.npy", heights)
     text = SMALL.replace(
@@ -351,7 +352,7 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     text = text.replace('coats = "U', 'roughness = 0.25\ncoats = "U')
     relief = 'normal = [0, 0, 1]\nsize = [4, 3]\nrelief = "strokes.npy"\nrelief_height = 0.02'
     text = text.replace("normal = [0, 0, 1]\nmaterial", relief + "\nmaterial")
-    scene = scene_file.read_scene(write(text)).scene
+    scene = read(text).scene
     bulb, window = scene.lights
     assert isinstance(bulb, AreaLight)
     assert isinstance(window, AreaLight)
@@ -371,13 +372,12 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     assert beyond == "area lights and relief and glazes with a rough surface"
 
 
-run = partial(invoke, "scene")
+run, draw = partial(invoke, "scene"), partial(succeed, "scene")
 
 
 def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
     out, spectra = tmp_path / "a.png", tmp_path / "a.npz"
-    done = run(write(SMALL), "-o", out, "--spectral", spectra)
-    assert done.exit_code == 0, done.output
+    done = draw(write(SMALL), "-o", out, "--spectral", spectra)
     assert "left out" in done.output
     assert out.is_file()
     with np.load(spectra) as stored:
@@ -385,8 +385,7 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
     again = run(write(SMALL), "-o", out)
     assert isinstance(again.exception, FileExistsError)
     assert "--overwrite" in str(again.exception)
-    small = run(write(SMALL), "-o", out, "--overwrite", "--size", "6x4")
-    assert small.exit_code == 0
+    small = draw(write(SMALL), "-o", out, "--overwrite", "--size", "6x4")
     assert "6 x 4 pixels" in small.output
 
 
@@ -404,10 +403,9 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
         ("none.toml --samples 9", "--samples belongs to --renderer mitsuba"),
     ],
 )
-def test_what_the_command_refuses(arguments, words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    done = run(*arguments.split())
-    assert words in str(done.exception)
+@pytest.mark.usefixtures("here")
+def test_what_the_command_refuses(arguments, words):
+    assert words in str(run(*arguments.split()).exception)
 
 
 LIT = SMALL.replace(
@@ -418,8 +416,7 @@ LIT = SMALL.replace(
 def test_the_command_path_traces(write, tmp_path):
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
     out = tmp_path / "a.png"
-    done = run(write(LIT), "-o", out, "--renderer", "mitsuba", "--samples", "16")
-    assert done.exit_code == 0, done.output
+    done = draw(write(LIT), "-o", out, "--renderer", "mitsuba", "--samples", "16")
     assert out.is_file()
     assert "paths: 16 of each pixel" in done.output
     assert "noise: " in done.output
@@ -476,14 +473,14 @@ def test_an_interrupted_command_writes_what_is_done(write, tmp_path, monkeypatch
     assert "is finished, the rest is grey" in done.output
 
 
-def test_a_picture_is_shown_as_its_file_says(write, unchecked):
+def test_a_picture_is_shown_as_its_file_says(read, unchecked):
     """Exposure, the light the eye is adapted to, the display: of pixels that are half as bright as
     the white.
     """
     text = SMALL.replace(
         "background = 0.2", 'background = 0.2\nexposure = 2.0\nwhite = "A"\ndisplay = "Adobe RGB"'
     )
-    found = scene_file.read_scene(write(text))
+    found = read(text)
     wavelengths = found.scene.wavelengths
     half = 0.25 * light_white(found.white, wavelengths)  # of the exposure of two
     rendered = SimpleNamespace(spectral=False, values=np.tile(half, (2, 3, 1)))
@@ -493,10 +490,8 @@ def test_a_picture_is_shown_as_its_file_says(write, unchecked):
     assert (shown.bright, shown.colourful) == (0.0, 0.0)
 
 
-def test_without_llvm_the_time_and_the_way_out_are_said_first(tmp_path, monkeypatch):
-    file = tmp_path / "s.toml"
-    file.write_text(scene_file.example())
-    found = scene_file.read_scene(file)
+def test_without_llvm_the_time_and_the_way_out_are_said_first(read, monkeypatch):
+    found = read(scene_file.example())
     for variant, told in (("scalar_spectral", True), ("llvm_ad_spectral", False)):
         monkeypatch.setattr(
             "glazejax.appearance.mitsuba.variants.usable_variant", lambda variant=variant: variant
@@ -511,11 +506,5 @@ def test_without_a_terminal_lines_say_how_far_a_picture_is(write, tmp_path, monk
     from glazejax.commands import progress
 
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.01))
-    done = run(write(SMALL), "-o", tmp_path / "a.png")
-    assert done.exit_code == 0
-    found = [
-        line
-        for line in done.stderr.splitlines()
-        if re.search(r" of [\d,]+ \(\d+%\), after \d+ s", line)
-    ]
-    assert found
+    done = draw(write(SMALL), "-o", tmp_path / "a.png")
+    assert re.search(r" of [\d,]+ \(\d+%\), after \d+ s", done.stderr)
