@@ -4,6 +4,7 @@ import numpy as np
 
 import glazejax as gj
 from glazejax.appearance.scene.scene import Scene
+from glazejax.appearance.scene.shapes import Plane
 from glazejax.spectra import Numbers
 
 from ..glazes import coated
@@ -19,6 +20,17 @@ def paint(name):
 def blue_glaze(thickness: Numbers = 3e-6):
     """Ultramarine blue over zinc white, on a bright ground."""
     return coated(0.8, bands=GRID, UltramarineBlue=thickness, ZincWhite=20e-6)
+
+
+def unit(vectors):
+    """Directions of vectors along the last axis."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def flat(material, light, camera, **options):
+    """A plane, seen in one pixel unless the options say otherwise."""
+    size = {"width": 1, "height": 1}
+    return scene([Plane("m")], {"m": material}, [light], camera, **(size | options))
 
 
 def scene(shapes, materials, lights, camera, **options):

@@ -161,31 +161,20 @@ def test_looking_up_is_as_near_as_levels_allow():
     display = Display.paper_monitor()
     rng = np.random.default_rng(5)
     wanted = display.to_xyz(rng.uniform(5, 60, (2000, 3)))
-    light = 255 * np.asarray(display.linear(wanted))
 
-    def missed(found):
-        return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb))) - light).max()
+    def missed(found, xyz):
+        return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb) - xyz))).max()
 
     nearest, two, one = (
         display.to_rgb(wanted),
         display.look_up(wanted),
         display.look_up(wanted, fine=False),
     )
-    assert missed(nearest) <= missed(two) < 0.5 * missed(one)
+    assert missed(nearest, wanted) <= missed(two, wanted) < 0.5 * missed(one, wanted)
     for colours in (GREYS, COLOURS):
         # The table's step of 1 in light and the level's: two roundings.
-        assert (
-            np.abs(
-                255
-                * np.asarray(
-                    display.linear(
-                        display.to_xyz(display.look_up(display.to_xyz(colours)).rgb)
-                        - display.to_xyz(colours)
-                    )
-                )
-            ).max()
-            < 0.5 + 1.2
-        )
+        xyz = display.to_xyz(colours)
+        assert missed(display.look_up(xyz), xyz) < 0.5 + 1.2
     outside = display.look_up(
         np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])
     ).outside

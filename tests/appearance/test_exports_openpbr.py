@@ -3,6 +3,7 @@ found again.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from .scenes import GRID, blue_glaze
 
 COSINES = np.array([0.05, 0.3, 0.6, 0.95, 1.0])
 WHITE = (1.0, 1.0, 1.0)
+body_factor = partial(reflectance_factor, gloss=False)
 
 
 @pytest.fixture(scope="module")
@@ -126,14 +128,14 @@ def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
 def test_a_coat_adds_its_mirror_and_takes_light_away(layering):
     coated = OpenPBR(base_color=(0.5, 0.5, 0.5), specular_ior=1.5, coat_weight=1.0, coat_ior=1.5)
     bare = replace(coated, coat_weight=0.0)
-    body = [reflectance_factor(m, 1.0, 1.0, layering=layering, gloss=False) for m in (coated, bare)]
+    body = [body_factor(material, 1.0, 1.0, layering=layering) for material in (coated, bare)]
     assert np.all(body[0] < body[1])
     assert_allclose(surface_albedo(coated, 1.0, layering=layering), 0.04, rtol=1e-6)
     tinted = replace(coated, coat_color=(0.25, 1.0, 1.0))
-    through = reflectance_factor(tinted, 1.0, 1.0, layering=layering, gloss=False) / body[0]
+    through = body_factor(tinted, 1.0, 1.0, layering=layering) / body[0]
     assert_allclose(through, [0.25, 1.0, 1.0])
-    slanted = reflectance_factor(tinted, 0.5, 0.5, layering=layering, gloss=False)
-    slanted /= reflectance_factor(coated, 0.5, 0.5, layering=layering, gloss=False)
+    slanted = body_factor(tinted, 0.5, 0.5, layering=layering)
+    slanted /= body_factor(coated, 0.5, 0.5, layering=layering)
     inside = np.sqrt(1 - 0.75 / 1.5**2)
     expected = 0.25 if layering == "materialx" else 0.25 ** (1 / inside)
     assert_allclose(slanted[0], expected, rtol=1e-9)
@@ -149,15 +151,10 @@ def test_layers_that_are_reciprocal_are():
         coat_ior=1.5,
         coat_darkening=0.0,
     )
-    there, back = (
-        reflectance_factor(material, *pair, 40.0, layering="reciprocal", gloss=False)
-        for pair in ((0.3, 0.9), (0.9, 0.3))
-    )
+    pairs = (0.3, 0.9), (0.9, 0.3)
+    there, back = (body_factor(material, *pair, 40.0, layering="reciprocal") for pair in pairs)
     assert_allclose(there, back, rtol=1e-12)
-    one, other = (
-        reflectance_factor(material, *pair, layering="materialx", gloss=False)
-        for pair in ((0.3, 0.9), (0.9, 0.3))
-    )
+    one, other = (body_factor(material, *pair, layering="materialx") for pair in pairs)
     assert np.all(np.abs(one - other) > 0.01 * one)
 
 
@@ -184,7 +181,7 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
             cos_viewing=pair[1],
             tolerance=1e-8,
         )
-        found = reflectance_factor(material, *pair, layering="reciprocal", gloss=False)
+        found = body_factor(material, *pair, layering="reciprocal")
         assert_allclose(found, solved, atol=1e-6)
 
 
@@ -211,9 +208,7 @@ def test_a_coat_is_found_again(truth, layering):
         coat_color=tint,
         coat_ior=1.5,
     )
-    seen = reflectance_factor(
-        material, truth.cosines[:, None], truth.cosines, layering=layering, gloss=False
-    )
+    seen = body_factor(material, truth.cosines[:, None], truth.cosines, layering=layering)
     fit = fit_openpbr(replace(truth, body=seen), layering=layering)
     assert_allclose(fit.material.coat_color, tint, atol=5e-3)
     assert fit.errors.rms < 2e-4
@@ -248,20 +243,18 @@ def test_errors_are_what_they_say(truth):
 
 
 def test_the_computed_glaze_is_the_solvers(truth):
-    made = blue_glaze()
+    glaze = blue_glaze()
 
-    views = truth.cosines[truth.views]
-    assert_allclose(views[4], 0.5)
-    seen = gj.reflectance(made, gj.Bidirectional(60.0, 0.0))
-    xyz = gj.colour.xyz(made.wavelengths, seen)
-    expected = rgb_of_xyz(np.asarray(xyz), gj.colour.white_point(made.wavelengths), "acescg")
-    assert_allclose(truth.body[truth.views, truth.views][4, 0], expected, atol=2e-4)
+    def seen(geometry):
+        xyz = gj.colour.xyz(GRID, gj.reflectance(glaze, geometry))
+        return rgb_of_xyz(np.asarray(xyz), gj.colour.white_point(GRID), "acescg")
 
+    assert_allclose(truth.cosines[truth.views][4], 0.5)
+    body = truth.body[truth.views, truth.views][4, 0]
+    assert_allclose(body, seen(gj.Bidirectional(60.0, 0.0)), atol=2e-4)
     # The mirror's share and the body's together are what a sphere sees.
-    sphere = gj.reflectance(made, gj.Hemispherical(45.0))
-    xyz = np.asarray(gj.colour.xyz(made.wavelengths, sphere))
-    expected = rgb_of_xyz(xyz, gj.colour.white_point(made.wavelengths), "acescg")
-    assert_allclose(truth.directional_albedo()[truth.views][3], expected, atol=2e-4)
+    whole = truth.directional_albedo()[truth.views][3]
+    assert_allclose(whole, seen(gj.Hemispherical(45.0)), atol=2e-4)
 
 
 def test_colour_spaces():

@@ -7,7 +7,7 @@ import pytest
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 
-from glazejax import colour
+from glazejax import cie
 from glazejax.appearance.interreflection import all_bounces, configuration_factor, one_bounce
 
 from ..refusals import refusal
@@ -42,13 +42,8 @@ def test_configuration_factor_is_what_a_point_sees(angle):
 @pytest.mark.parametrize("bounces", [one_bounce, all_bounces])
 def test_colours_move_to_the_product_towards_the_joint(bounces):
     """Paper B, section 6.3 and figure 16: gamma = 30 degrees, sunlight."""
-    lamp = np.asarray(
-        colour.colour_science()
-        .SDS_ILLUMINANTS["D55"]
-        .copy()
-        .align(colour.colour_science().SpectralShape(400, 700, 5))
-        .values
-    )
+    sunlight = cie.illuminants()["D55"]
+    lamp = np.interp(GRID, sunlight.wavelengths, sunlight.values)
     planes = bounces(ABOVE, BELOW, 0.6, 0.8, lamp, POSITIONS, 30.0)
     product = chromaticity(ABOVE * BELOW * lamp, "E")
     for plane, body in ((planes.a, ABOVE), (planes.b, BELOW)):

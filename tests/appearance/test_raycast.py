@@ -27,14 +27,14 @@ from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere, rotation
 from glazejax.radiative.common.fresnel import conductor_reflectance
 
 from ..refusals import refusal
-from .scenes import GRID, scene
+from .scenes import GRID, flat, scene, unit
 
 MATERIALS = {"m": 0}
 
 
 def hit_of(shape, origin, direction):
     geometry = make_geometry([shape], MATERIALS)
-    rays = jnp.asarray([origin], float), jnp.asarray([direction], float) / np.linalg.norm(direction)
+    rays = jnp.asarray([origin], float), jnp.asarray(unit([direction]))
     hit = nearest(geometry, *rays)
     return hit, surface(geometry, hit, *rays)
 
@@ -99,8 +99,7 @@ def test_rays_meet_the_point_of_a_mesh_that_they_aim_at():
     rng = np.random.default_rng(0)
     shares = rng.dirichlet(np.ones(3), len(BALL.faces))
     aim = np.sum(shares[..., None] * BALL.vertices[BALL.faces], axis=1)
-    away = BALL.face_normals + 0.5 * rng.uniform(-1, 1, aim.shape)
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    away = unit(BALL.face_normals + 0.5 * rng.uniform(-1, 1, aim.shape))
     mesh = Mesh("m", BALL.vertices, BALL.faces)
     hit = nearest(
         make_geometry([mesh], MATERIALS), jnp.asarray(aim + 3.0 * away), jnp.asarray(-away)
@@ -115,11 +114,9 @@ def test_rays_from_a_mesh_do_not_meet_where_they_start():
         geometry = make_geometry([mesh], MATERIALS)
         middle = mesh.vertices[mesh.faces].mean(axis=1)
         outward = BALL.face_normals
-        across = np.cross(outward, [0.3, 0.5, 0.8])
-        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        across = unit(np.cross(outward, [0.3, 0.5, 0.8]))
         for slope in (1.0, 1e-2, 1e-4):
-            away = across + slope * outward
-            away /= np.linalg.norm(away, axis=1, keepdims=True)
+            away = unit(across + slope * outward)
             leave = nearest(
                 geometry, jnp.asarray(middle + geometry.clearance * outward), jnp.asarray(away)
             )
@@ -179,8 +176,8 @@ def test_lambert_sphere_is_the_cosine():
     along = -np.sum(origin * direction, axis=1)
     inside = 1 - np.sum((origin + along[:, None] * direction) ** 2, axis=1)
     normal = origin + (along - np.sqrt(np.maximum(inside, 0)))[:, None] * direction
-    towards = -np.array(light.direction) / np.linalg.norm(light.direction)
-    exact = 0.6 * np.maximum(normal @ towards, 0)[:, None] * spectrum
+    lit = np.maximum(-normal @ unit(light.direction), 0)
+    exact = 0.6 * lit[:, None] * spectrum
     exact = np.where(inside[:, None] > 0, exact, 0.125)
     assert_allclose(picture.reshape(-1, GRID.size), exact, atol=1e-6)
 
@@ -200,16 +197,7 @@ def test_shadow_edge_of_a_rectangle_is_where_it_falls():
 def test_point_light_falls_with_the_square_of_the_distance():
     camera = Camera((0, 0, 1), (0, 0, 0), up=(0, 1, 0), field_of_view=1)
     values = [
-        render(
-            scene(
-                [Plane("m")],
-                {"m": Lambert(1.0)},
-                [PointLight((0, 3, 4), s)],
-                camera,
-                width=1,
-                height=1,
-            )
-        ).radiance[0, 0, 0]
+        render(flat(Lambert(1.0), PointLight((0, 3, 4), s), camera)).radiance[0, 0, 0]
         for s in (1.0, 2.0)
     ]
     # Distance 5, cosine 4/5.
@@ -250,9 +238,9 @@ def test_rays_that_carry_little_are_not_followed():
     )
     rays = made.rays(np.array([16.0]), np.array([12.0]))
     arguments = (make_geometry(made.shapes, made.materials), lamps(made.lights), *rays)
-    follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, most_bounces=3)
-    assert len(follow) == 2
-    assert (
-        len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, most_bounces=3))
-        == 1
-    )
+    for share, levels in ((0.01, 2), (1e-4, 1)):
+
+        def reflects(number, cosines, share=share):
+            return share + 0 * cosines
+
+        assert len(trace(*arguments, reflects=reflects, most_bounces=3)) == levels

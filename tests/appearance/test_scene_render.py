@@ -38,18 +38,12 @@ from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_
 from ..glazes import coated
 from ..refusals import refusal
 from ..slow import slow
-from .scenes import GRID, blue_glaze, paint, scene
+from .scenes import GRID, blue_glaze, flat, paint, scene, unit
 
 
 def forward():
     """A glaze that scatters forwards, which tables of angles cannot hold."""
     return gj.Glaze([gj.Layer(paint("UltramarineBlue"), 3e-6, phase=[1.0, 0.5])], 0.8)
-
-
-def flat(material, light, camera, **options):
-    return scene(
-        [Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options)
-    )
 
 
 @pytest.mark.parametrize(("incidence", "viewing"), [(60, 30), slow(0, 45)])
@@ -68,9 +62,8 @@ def test_highlights_are_where_the_vectors_say():
     light = ParallelLight((0.5, 0.3, -1.0), np.linspace(0.5, 1.0, GRID.size))
     camera = Camera((0.4, 0.5, 1.0), up=(0, 1, 0), field_of_view=0.01)
     normal = np.array([0.0, 0.0, 1.0])
-    towards = -np.array([0.5, 0.3, -1.0]) / np.linalg.norm([0.5, 0.3, -1.0])
-    view = np.array([0.4, 0.5, 1.0]) / np.linalg.norm([0.4, 0.5, 1.0])
-    half = (towards + view) / np.linalg.norm(towards + view)
+    towards, view = unit([[-0.5, -0.3, 1.0], [0.4, 0.5, 1.0]])
+    half = unit(towards + view)
     body = np.linspace(0.2, 0.6, GRID.size)
     mirrored = 2 * (normal @ view) * normal - view
     shiny = (body * (normal @ towards) + 0.7 * (mirrored @ towards) ** 8) * light.spectrum

@@ -11,6 +11,8 @@ from glazejax.appearance import shading
 from glazejax.radiative.common.fresnel import conductor_reflectance
 from tests.checks import finite
 
+from .scenes import unit
+
 
 def test_phong_as_printed_and_several_lights():
     body, lamp = np.array([0.2, 0.5]), np.array([2.0, 3.0])
@@ -27,11 +29,9 @@ def test_phong_as_printed_and_several_lights():
 def test_torrance_sparrow_as_printed():
     rng = np.random.default_rng(1)
     normal = np.array([0.0, 0.0, 1.0])
-    light, view = (
-        v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 300, 3))
-    )
+    light, view = unit(rng.normal(size=(2, 300, 3)))
     light[:, 2], view[:, 2] = abs(light[:, 2]), abs(view[:, 2])
-    half = (light + view) / np.linalg.norm(light + view, axis=1, keepdims=True)
+    half = unit(light + view)
     nl, nv, nh, vh = light @ normal, view @ normal, half @ normal, np.sum(view * half, axis=1)
     width = 0.3
     d = np.exp(-np.log(2) * np.arccos(nh) ** 2 / width**2)
@@ -97,7 +97,5 @@ def test_dark_side_has_finite_slopes():
 
 def test_float32_stays_float32():
     x = jnp.float32(0.5)
-    assert (
-        shading.phong(jnp.ones(3, jnp.float32), jnp.float32(1), x, x, specular=x, exponent=x).dtype
-        == jnp.float32
-    )
+    found = shading.phong(jnp.ones(3, jnp.float32), jnp.float32(1), x, x, specular=x, exponent=x)
+    assert found.dtype == jnp.float32
