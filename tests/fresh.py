@@ -17,8 +17,11 @@ def run_python(
     cwd: Path | None = None,
     timeout: float = 600.0,
     env: dict[str, str] | None = None,
+    status: int = 0,
 ) -> subprocess.CompletedProcess[str]:
-    """A program that has ended well, with words and further variables of its environment, and what it says."""
+    """A program that has ended as it must, with words and further variables of its environment, and
+    what it says.
+    """
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, words)],
         cwd=cwd,
@@ -28,5 +31,5 @@ def run_python(
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == status, done.stderr
     return done

@@ -4,10 +4,10 @@ run.
 
 import os
 import re
-import subprocess
-import sys
 
 import pytest
+
+from .fresh import run_python
 
 _NOTE = re.compile(
     r"note: compiled programs are not kept \([^)]+\), so that .* names another folder\n"
@@ -26,21 +26,14 @@ print("done")
 """
 
 
+@pytest.fixture(autouse=True)
+def _no_folder_is_named(monkeypatch):
+    for name in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+
+
 def run(home, *words, **more):
-    environment = {
-        k: v
-        for k, v in os.environ.items()
-        if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME")
-    }
-    environment |= {"HOME": str(home), **more}
-    done = subprocess.run(
-        [sys.executable, "-c", _RUN, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_python(_RUN, *words, env={"HOME": str(home), **more})
     assert done.stdout == "done\n"
     return done.stderr
 

@@ -2,10 +2,7 @@
 calls it.
 """
 
-import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -17,6 +14,8 @@ from glazejax.colour import lab, xyz
 from glazejax.io import read_spectra
 from glazejax.paint.pigment_table import read_pigments
 from glazejax.stacks import read_stack
+
+from .fresh import run_python
 
 W = np.arange(400.0, 701.0, 20.0)
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
@@ -263,34 +262,25 @@ def test_the_installed_command(tmp_path):
     """End to end, with the catalogue, in another process; also that nothing but its own words
     reaches the screen.
     """
-    environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}
-    program = [sys.executable, "-c", "from glazejax.commands.main import main; main()", "render"]
 
-    def call(*arguments):
-        return subprocess.run(
-            [*program, *arguments],
+    def call(words, status=0):
+        return run_python(
+            "from glazejax.commands.main import main; main()",
+            "render",
+            *words.split(),
             cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
+            env={"COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")},
+            status=status,
         )
 
-    good = [
-        "--coats",
-        "PrussianBlue:12um,Vermillion:12um",
-        "--ground",
-        "0.9",
-        "--tolerance",
-        "1e-3",
-    ]
+    coats = "--coats PrussianBlue:12um,Vermillion:12um"
     for _ in range(2):  # The second run takes its programs from the cache.
-        done = call(*good, "--overwrite")
-        assert (done.returncode, done.stderr) == (0, "")
+        done = call(f"{coats} --ground 0.9 --tolerance 1e-3 --overwrite")
+        assert done.stderr == ""
         assert "taken as 25 µm" in " ".join(done.stdout.split())
         assert "warning: PrussianBlue at" in done.stdout
-    wrong = call("--coats", "Ultramarin:12um", "--out", "other.png")
-    assert (wrong.returncode, wrong.stdout) == (2, "")
+    wrong = call("--coats Ultramarin:12um --out other.png", status=2)
+    assert wrong.stdout == ""
     assert (
         wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest is UltramarineBlue\n"
     )
