@@ -296,7 +296,6 @@ def test_a_slip_of_our_own_is_no_missing_extra(monkeypatch):
     monkeypatch.setattr(cli, "make_app", fail)
     with refusal("nonsense", ModuleNotFoundError):
         cli.main()
-    assert extras.advice(None) is None
 
 
 def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):

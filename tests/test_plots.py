@@ -11,6 +11,8 @@ from glazejax.commands.rendering import render
 from .refusals import refusal
 from .test_rendering import BLUE, RED, W
 
+NAMES = ["Red", "Blue", "Nothing"]
+
 
 @pytest.fixture(scope="module")
 def rendering():
@@ -20,9 +22,7 @@ def rendering():
 
 @pytest.fixture(scope="module")
 def figure(rendering):
-    return glaze_figure(
-        rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3
-    )
+    return glaze_figure(rendering, NAMES, title="T" * 300, coat="Red 1 µm", marked=3)
 
 
 def test_spectra_drawn_are_those_computed(figure, rendering):
@@ -68,7 +68,7 @@ def test_labels_of_curves_stay_apart_and_inside(figure):
 
 
 def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
-    longer = glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="Word " * 21)
+    longer = glaze_figure(rendering, NAMES, title="Word " * 21)
     cut, whole = figure.texts[0], longer.texts[0]
     for title in (cut, whole):
         assert title.get_window_extent().width <= 0.951 * figure.bbox.width
@@ -98,7 +98,7 @@ def test_drawing_leaves_the_style_alone(rendering):
     import matplotlib
 
     before = dict(matplotlib.rcParams)
-    glaze_figure(rendering, ["Red", "Blue", "Nothing"])
+    glaze_figure(rendering, NAMES)
     assert dict(matplotlib.rcParams) == before
 
 
@@ -121,9 +121,7 @@ def test_a_layout_of_the_users_settings_moves_nothing(rendering, tmp_path):
     from matplotlib import rc_context
 
     with rc_context({"figure.constrained_layout.use": True}):
-        drawn = glaze_figure(
-            rendering, ["Red", "Blue", "Nothing"], title="T", coat="Red 1 µm", marked=3
-        )
+        drawn = glaze_figure(rendering, NAMES, title="T", coat="Red 1 µm", marked=3)
         assert drawn.get_layout_engine() is None
         with plots.picture(tmp_path / "plain.png", 2, 1, layout=None) as plain:
             assert plain.get_layout_engine() is None

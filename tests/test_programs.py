@@ -120,12 +120,9 @@ def test_what_words_do_not_tell_is_not_kept(folder, counted):
     assert not list(folder.iterdir())
 
 
-def test_a_folder_that_is_gone_changes_nothing(tmp_path, counted):
-    keep_traced(tmp_path / "gone")
-    try:
-        check(counted.program()(VALUES, MORE))
-    finally:
-        keep_traced(None)
+def test_a_folder_that_is_gone_changes_nothing(folder, counted):
+    keep_traced(folder / "gone")
+    check(counted.program()(VALUES, MORE))
 
 
 def test_traced_callers_and_gradients_see_the_function(folder, counted):
@@ -145,14 +142,14 @@ def test_numbers_of_python_and_arrays_are_programs_of_their_own(folder):
 
 
 @pytest.mark.parametrize("kept", [True, False])
-def test_what_was_compiled_ahead_is_not_compiled_again(tmp_path, counted, kept):
+def test_what_was_compiled_ahead_is_not_compiled_again(folder, counted, kept):
     compiled = []
     jax.monitoring.register_event_duration_secs_listener(
         lambda event, duration_secs, **_: (
             compiled.append(duration_secs) if "backend_compile" in event else None
         )
     )
-    keep_traced(tmp_path if kept else None)
+    keep_traced(folder if kept else None)
     try:
         program = counted.program()
         # Tests' own rule of promotion is for this thread alone.
@@ -164,7 +161,6 @@ def test_what_was_compiled_ahead_is_not_compiled_again(tmp_path, counted, kept):
             check(program(VALUES, MORE))
         assert len(compiled) == 1
     finally:
-        keep_traced(None)
         jax.monitoring.clear_event_listeners()
 
 
