@@ -48,23 +48,21 @@ def lowered(program: Any, *args: Any, **kwargs: Any) -> str:
 
 def operations(jaxpr: Any) -> set[str]:
     """Names of all operations of a traced program, those of its inner programs included."""
+
+    def is_program(leaf: Any) -> bool:
+        return hasattr(leaf, "eqns") or hasattr(leaf, "jaxpr")
+
     found = set()
     for equation in getattr(jaxpr, "jaxpr", jaxpr).eqns:
         found.add(equation.primitive.name)
-        inner = jax.tree.leaves(
-            equation.params, is_leaf=lambda p: hasattr(p, "eqns") or hasattr(p, "jaxpr")
-        )
-        for part in inner:
-            if hasattr(part, "eqns") or hasattr(part, "jaxpr"):
-                found |= operations(part)
+        leaves = jax.tree.leaves(equation.params, is_leaf=is_program)
+        found = found.union(*map(operations, filter(is_program, leaves)))
     return found
 
 
 def trouble(text: str) -> list[str]:
     """What a GPU could not run, or only by asking the host in the midst of it."""
-    targets = set(re.findall(r"custom_call @([\w.$]+)", text)) | set(
-        re.findall(r'call_target_name = "([^"]+)"', text)
-    )
+    targets = set(re.findall(r'(?:custom_call @|call_target_name = ")([^"(\s]+)', text))
     hosts = [name for name in targets if "callback" in name.lower() or "lapack" in name.lower()]
     return sorted(hosts) + sorted(
         set(re.findall(r"stablehlo\.(?:infeed|outfeed|send|recv)\b", text))
