@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import glazejax as gj
-from glazejax import colour
+from glazejax import (
+    Bidirectional,
+    Glaze,
+    Hemispherical,
+    Layer,
+    Pigment,
+    colour,
+    picture,
+    reflectance,
+)
 from glazejax.radiative.plan.plan import ALL
 
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -14,10 +22,10 @@ FLAT = np.full(SIZE, 1e-6)
 
 
 @pytest.fixture(scope="module")
-def paints() -> tuple[gj.Pigment, gj.Pigment]:
+def paints() -> tuple[Pigment, Pigment]:
     x = (GRID - 400) / 300
-    blue = gj.Pigment("blue", GRID, 5e5 * x + 2e4, 4e4 + 0 * x)
-    yellow = gj.Pigment("yellow", GRID, 4e5 * np.exp(-8 * x), 2e5 + 3e5 * x)
+    blue = Pigment("blue", GRID, 5e5 * x + 2e4, 4e4 + 0 * x)
+    yellow = Pigment("yellow", GRID, 4e5 * np.exp(-8 * x), 2e5 + 3e5 * x)
     return blue, yellow
 
 
@@ -35,8 +43,8 @@ def difference(one, two, white) -> np.ndarray:
 
 
 def test_interpolated_picture_is_the_full_one(paints, maps):
-    fast = gj.picture(paints, maps, 0.85)
-    full = gj.picture(paints, maps, 0.85, full=True)
+    fast = picture(paints, maps, 0.85)
+    full = picture(paints, maps, 0.85, full=True)
     assert fast.srgb.shape == fast.xyz.shape == (*SIZE, 3)
     assert fast.computed < full.computed == np.prod(SIZE)
     assert 0 < fast.delta_e <= 0.1
@@ -50,13 +58,13 @@ def test_interpolated_picture_is_the_full_one(paints, maps):
 def test_full_picture_is_that_of_each_glaze(paints, maps):
     corner = [m[:3, :1] for m in maps]
     for geometry in (
-        gj.Hemispherical(8, specular=True),
-        gj.Bidirectional(30, 30, specular=True),
-        gj.Bidirectional(45, 0),
+        Hemispherical(8, specular=True),
+        Bidirectional(30, 30, specular=True),
+        Bidirectional(45, 0),
     ):
-        image = gj.picture(paints, corner, 0.7, geometry, full=True)
-        glaze = gj.Glaze([gj.Layer(p, m) for p, m in zip(paints, corner, strict=True)], 0.7)
-        spectra = gj.reflectance(glaze, geometry)
+        image = picture(paints, corner, 0.7, geometry, full=True)
+        glaze = Glaze([Layer(p, m) for p, m in zip(paints, corner, strict=True)], 0.7)
+        spectra = reflectance(glaze, geometry)
         assert_allclose(image.srgb, colour.srgb(GRID, spectra), rtol=0, atol=2e-5)
         assert_allclose(image.xyz, colour.xyz(GRID, spectra), rtol=0, atol=3e-6)
 
@@ -65,18 +73,18 @@ def test_full_picture_is_that_of_each_glaze(paints, maps):
 def test_map_of_the_ground_and_a_constant_layer(paints, maps):
     rng = np.random.default_rng(1)
     ground = rng.uniform(0.1, 0.9, SIZE)
-    fast = gj.picture(paints, [maps[0], 3e-6], ground, delta_e=0.5)
-    full = gj.picture(paints, [maps[0], np.full(SIZE, 3e-6)], ground, full=True)
+    fast = picture(paints, [maps[0], 3e-6], ground, delta_e=0.5)
+    full = picture(paints, [maps[0], np.full(SIZE, 3e-6)], ground, full=True)
     assert "interpolated" in fast.report
     assert difference(fast, full, colour.white_point(GRID)).max() <= 0.5
 
 
 def test_few_distinct_pixels_are_computed_one_by_one(paints):
     steps = np.repeat(np.arange(8), 64).reshape(16, 32) * 1e-6
-    image = gj.picture(paints, [steps, 2e-6], np.linspace(0.5, 0.9, GRID.size))
+    image = picture(paints, [steps, 2e-6], np.linspace(0.5, 0.9, GRID.size))
     assert (image.computed, image.delta_e) == (8, 0)
     assert "8 distinct" in image.report
-    constant = gj.picture(paints, [np.full(SIZE, 1e-6), 2e-6], 0.5)
+    constant = picture(paints, [np.full(SIZE, 1e-6), 2e-6], 0.5)
     assert constant.computed == 1
     assert np.ptp(np.asarray(constant.srgb), axis=(0, 1)).max() == 0
 
@@ -84,14 +92,14 @@ def test_few_distinct_pixels_are_computed_one_by_one(paints):
 @pytest.mark.slow
 def test_more_than_three_maps_are_computed_pixel_by_pixel(paints, maps):
     small = [m[:17, :17] for m in (*maps, maps[0] / 2, maps[1] / 3)]
-    image = gj.picture([*paints, *paints], small, 0.5, delta_e=10, savings=ALL)
+    image = picture([*paints, *paints], small, 0.5, delta_e=10, savings=ALL)
     assert image.computed == 17 * 17
     assert image.delta_e == 0
 
 
 def test_picture_is_written(paints, maps, tmp_path):
     path = tmp_path / "picture.png"
-    gj.picture(paints, maps, 0.85).save(path)
+    picture(paints, maps, 0.85).save(path)
     from matplotlib.image import imread
 
     assert imread(path).shape[:2] == SIZE
@@ -116,15 +124,15 @@ def test_picture_is_written(paints, maps, tmp_path):
         ({"ground": np.full(SIZE, 84.0)}, "percent"),
         ({"ground": np.full(5, 0.5)}, "bands"),
         ({"delta_e": 0.0}, "delta_e is 0"),
-        ({"instrument": gj.Bidirectional([10, 20], 0)}, "one angle"),
+        ({"instrument": Bidirectional([10, 20], 0)}, "one angle"),
     ],
 )
 def test_what_is_wrong_is_named(paints, change: dict, words: str):
     asked = {"thickness_maps": (FLAT, 1e-6), "ground": 0.5} | change
     with pytest.raises(ValueError, match=words):
-        gj.picture(paints, **asked)
+        picture(paints, **asked)
 
 
 def test_maps_of_one_paint_have_one_shape_too(paints):
     with pytest.raises(ValueError, match="maps differ in shape"):
-        gj.picture([paints[0], paints[0]], [np.full((3, 3), 1e-6), FLAT], 0.5)
+        picture([paints[0], paints[0]], [np.full((3, 3), 1e-6), FLAT], 0.5)

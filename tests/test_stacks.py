@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import glazejax as gj
-import glazejax.stacks
+from glazejax import (
+    Glaze,
+    Hemispherical,
+    Layer,
+    Mixture,
+    Pigment,
+    catalogue,
+    load_glaze,
+    reflectance,
+    save_glaze,
+)
 from glazejax.paint.describe import Coat
 from glazejax.stacks import (
     BLACK,
@@ -66,8 +75,8 @@ def test_a_file_is_replaced_as_a_whole(tmp_path):
 
 def test_the_glaze_is_that_of_the_shown_coats():
     stack = stack_from_dict(GIVEN)
-    expected = gj.reflectance(coated(0.6, 1.4, CobaltBlue=2e-6), gj.Hemispherical(8.0))
-    assert_allclose(gj.reflectance(stack.glaze(), stack.instrument), expected, atol=1e-12)
+    expected = reflectance(coated(0.6, 1.4, CobaltBlue=2e-6), Hemispherical(8.0))
+    assert_allclose(reflectance(stack.glaze(), stack.instrument), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -166,35 +175,33 @@ def test_text_that_is_no_stack(tmp_path):
 
 
 def test_a_glaze_is_saved_and_loaded(tmp_path):
-    paints = gj.catalogue.load()
+    paints = catalogue.load()
     grid = paints["CobaltBlue"].wavelengths
-    mine = gj.Pigment(
-        "Mine", grid, np.linspace(1e4, 7e4, grid.size) / 3, np.full(grid.size, 1e4 / 7)
-    )
-    other = gj.Pigment("Mine", grid, mine.scattering, mine.absorption)
-    mixture = gj.Mixture([paints["ZincWhite"], mine], [0.7, 0.3])
-    coats = [gj.Layer(paints["CobaltBlue"], 2.3e-6), gj.Layer(mixture, 1e-5), gj.Layer(other, 1e-6)]
-    glaze = gj.Glaze(coats, np.linspace(0.2, 0.9, grid.size), 1.45)
-    path = gj.save_glaze(glaze, tmp_path / "glaze.json", instrument="d:8")
-    again = gj.load_glaze(path)
+    mine = Pigment("Mine", grid, np.linspace(1e4, 7e4, grid.size) / 3, np.full(grid.size, 1e4 / 7))
+    other = Pigment("Mine", grid, mine.scattering, mine.absorption)
+    mixture = Mixture([paints["ZincWhite"], mine], [0.7, 0.3])
+    coats = [Layer(paints["CobaltBlue"], 2.3e-6), Layer(mixture, 1e-5), Layer(other, 1e-6)]
+    glaze = Glaze(coats, np.linspace(0.2, 0.9, grid.size), 1.45)
+    path = save_glaze(glaze, tmp_path / "glaze.json", instrument="d:8")
+    again = load_glaze(path)
     assert [coat.medium.name for coat in again.coats] == [
         "CobaltBlue",
         "0.7 ZincWhite + 0.3 Mine",
         "Mine'",
     ]
-    seen = gj.reflectance(glaze, "d:8")
-    assert_allclose(gj.reflectance(again, "d:8"), seen, atol=1e-9)
+    seen = reflectance(glaze, "d:8")
+    assert_allclose(reflectance(again, "d:8"), seen, atol=1e-9)
     assert_array_equal(again.coats[2].medium.absorption, other.absorption)
     assert (again.refractive_index, read_stack(path).instrument) == (1.45, "d:8")
     assert set(json.loads(path.read_text())["pigments"]) == {"Mine", "Mine'"}
     with refusal("overwrite=True", FileExistsError):
-        gj.save_glaze(glaze, path)
-    assert gj.save_glaze(glaze, path, overwrite=True) == path
+        save_glaze(glaze, path)
+    assert save_glaze(glaze, path, overwrite=True) == path
 
 
 def test_a_glaze_over_both_sides_of_a_card(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps({**GIVEN, "ground": "card"}))
-    grounds = [gj.load_glaze(tmp_path / "s.json", side=side).ground for side in ("white", "black")]
+    grounds = [load_glaze(tmp_path / "s.json", side=side).ground for side in ("white", "black")]
     assert_allclose(grounds, [WHITE, BLACK])
 
 
@@ -202,32 +209,32 @@ def test_a_glaze_over_both_sides_of_a_card(tmp_path):
 def test_a_card_has_two_sides(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps(GIVEN))
     with refusal("side is 'grey'"):
-        gj.load_glaze(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]
+        load_glaze(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]
 
 
-COBALT = gj.catalogue.pigment("CobaltBlue")
-FORWARD = gj.Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
+COBALT = catalogue.pigment("CobaltBlue")
+FORWARD = Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
 
 
 @pytest.mark.parametrize(
     ("glaze", "words"),
     [
-        (gj.Glaze([], 0.5), "a glaze without coats"),
-        (gj.Glaze([gj.Layer(COBALT, [1e-6, 2e-6])], 0.5), "without batch axes"),
-        (gj.Glaze([gj.Layer(FORWARD, 1e-6)], 0.5), "a phase function"),
+        (Glaze([], 0.5), "a glaze without coats"),
+        (Glaze([Layer(COBALT, [1e-6, 2e-6])], 0.5), "without batch axes"),
+        (Glaze([Layer(FORWARD, 1e-6)], 0.5), "a phase function"),
         (
-            gj.Glaze([gj.Layer(COBALT, 1e-6)], 0.5, np.linspace(1.4, 1.5, 31)),
+            Glaze([Layer(COBALT, 1e-6)], 0.5, np.linspace(1.4, 1.5, 31)),
             "one refractive index",
         ),
         (
-            gj.Glaze([gj.Layer(gj.Mixture([COBALT] * 5, [0.2] * 5), 1e-6)], 0.5),
+            Glaze([Layer(Mixture([COBALT] * 5, [0.2] * 5), 1e-6)], 0.5),
             "is of 5 paints; a coat has 4 at most",
         ),
     ],
 )
 def test_what_no_file_holds_is_said(tmp_path, glaze, words):
     with refusal(words):
-        gj.save_glaze(glaze, tmp_path / "glaze.json")
+        save_glaze(glaze, tmp_path / "glaze.json")
 
 
 @pytest.mark.parametrize(
@@ -257,9 +264,9 @@ def test_a_long_word_of_a_coat_is_not_echoed_whole(key):
 
 
 def test_a_paint_that_a_mixture_holds_twice_keeps_its_weight(tmp_path):
-    blue, white = (gj.catalogue.pigment(name) for name in ("CobaltBlue", "ZincWhite"))
-    mixed = gj.Mixture([blue, white, blue], [0.2, 0.5, 0.3])
-    path = gj.save_glaze(gj.Glaze([gj.Layer(mixed, 2e-6)], 0.6), tmp_path / "glaze.json")
-    again = gj.load_glaze(path).coats[0].medium
-    assert isinstance(again, gj.Mixture)
+    blue, white = (catalogue.pigment(name) for name in ("CobaltBlue", "ZincWhite"))
+    mixed = Mixture([blue, white, blue], [0.2, 0.5, 0.3])
+    path = save_glaze(Glaze([Layer(mixed, 2e-6)], 0.6), tmp_path / "glaze.json")
+    again = load_glaze(path).coats[0].medium
+    assert isinstance(again, Mixture)
     assert_allclose(again.weights, [0.5, 0.5])

@@ -7,7 +7,7 @@ import pytest
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 
-import glazejax as gj
+from glazejax import Bidirectional, Glaze, Layer, catalogue, reflectance, stack_reflectance_factor
 from glazejax.appearance.glaze.table import GlazeTable, glaze_table
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.common.fresnel import dielectric_reflectance
@@ -28,7 +28,7 @@ def glaze(top: Numbers = 15e-6, index=1.5, wavelengths=None):
 def solved(top: Numbers = 15e-6, index=1.5):
     """By the solver, a hundred times finer than the table."""
     made = glaze(top, index, WAVELENGTHS)
-    return gj.stack_reflectance_factor(
+    return stack_reflectance_factor(
         made.albedo,
         made.optical_thickness,
         made.ground,
@@ -41,8 +41,8 @@ def solved(top: Numbers = 15e-6, index=1.5):
 
 def forward():
     """Paint that scatters forwards."""
-    blue = gj.catalogue.pigment("CobaltBlue")
-    return gj.Glaze([gj.Layer(blue, 10e-6, phase=[1.0, 0.5, 0.25])], 0.6)
+    blue = catalogue.pigment("CobaltBlue")
+    return Glaze([Layer(blue, 10e-6, phase=[1.0, 0.5, 0.25])], 0.6)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
     found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
     assert_allclose(
         found,
-        gj.reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), gj.Bidirectional()),
+        reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), Bidirectional()),
         atol=1e-3,
     )
 
@@ -122,8 +122,8 @@ def test_other_indices(index):
 
 
 def test_bare_ground():
-    found = glaze_table(gj.Glaze([], 0.5), WAVELENGTHS, tolerance=1e-4)
-    expected = gj.stack_reflectance_factor(
+    found = glaze_table(Glaze([], 0.5), WAVELENGTHS, tolerance=1e-4)
+    expected = stack_reflectance_factor(
         [0.0], [0.0], 0.5, cos_incidence=COS_IN, cos_viewing=COS_OUT
     )
     assert_allclose(found.reflectance_factor(COS_IN, COS_OUT)[:, 3], expected, atol=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import glazejax as gj
+from glazejax import Glaze, Layer, Mixture, Pigment, catalogue, stack_reflectance_factor
 from glazejax.appearance.mitsuba import glaze_bsdf
 from glazejax.appearance.mitsuba.bsdf import _table
 from glazejax.appearance.mitsuba.coats import on_even_grid
@@ -44,7 +44,7 @@ def blue(mitsuba):
 
 def check_factor(mi, bsdf, glaze, cos_in, cos_out, *wavelengths, **how):
     """The plugin gives what the solver does, within the error of its table."""
-    solved = gj.stack_reflectance_factor(
+    solved = stack_reflectance_factor(
         glaze.albedo,
         glaze.optical_thickness,
         glaze.ground,
@@ -115,9 +115,9 @@ def test_textures_of_thickness_fraction_and_ground(mitsuba):
     bsdf = mitsuba.load_dict(made)
     assert bsdf.table.error < 1e-3
     for u, v in [(0.1, 0.2), (0.9, 0.2), (0.45, 0.8), (0.9, 0.9)]:
-        one = gj.Mixture(mixture.pigments, [1 - share[0, int(3 * u)], share[0, int(3 * u)]])
-        layers = [gj.Layer(one, thickness[int(2 * v), int(2 * u)]), glaze.coats[1]]
-        there = gj.Glaze(layers, ground[int(2 * v), 0])
+        one = Mixture(mixture.pigments, [1 - share[0, int(3 * u)], share[0, int(3 * u)]])
+        layers = [Layer(one, thickness[int(2 * v), int(2 * u)]), glaze.coats[1]]
+        there = Glaze(layers, ground[int(2 * v), 0])
         for pair in PAIRS[:4]:
             check_factor(mitsuba, bsdf, there, *pair, bands, uv=(u, v))
 
@@ -127,7 +127,7 @@ def test_a_ground_with_a_spectrum_at_each_place(mitsuba):
     glaze = coated(0.5, UltramarineBlue=1e-6)
     bsdf = mitsuba.load_dict(glaze_bsdf(glaze, ground=ground))
     for row, column in [(0, 0), (1, 2)]:
-        there = gj.Glaze(glaze.coats, ground[row, column])
+        there = Glaze(glaze.coats, ground[row, column])
         uv = (column + 0.5) / 3, (row + 0.5) / 2
         check_factor(mitsuba, bsdf, there, 0.6, 0.8, uv=uv)
 
@@ -144,9 +144,9 @@ def test_numbers_count_for_the_coat_that_is_named(mitsuba):
             "refractive_index": 1.3,
         }
     )
-    paints = gj.catalogue.load()
-    mixture = gj.Mixture([paints["ZincWhite"], paints["UltramarineBlue"]], [0.75, 0.25])
-    glaze = gj.Glaze([gj.Layer(paints["Eosin"], 1e-6), gj.Layer(mixture, 4e-6)], 0.6, 1.3)
+    paints = catalogue.load()
+    mixture = Mixture([paints["ZincWhite"], paints["UltramarineBlue"]], [0.75, 0.25])
+    glaze = Glaze([Layer(paints["Eosin"], 1e-6), Layer(mixture, 4e-6)], 0.6, 1.3)
     check_factor(mitsuba, bsdf, glaze, 0.5, 0.9)
 
 
@@ -332,7 +332,7 @@ def test_maps_that_are_refused(mitsuba):
     with refusal("wavelengths belong to a Glaze"):
         glaze_bsdf(BLUE, wavelengths=WAVELENGTHS)
     with refusal("a glaze without coats is its ground"):
-        glaze_bsdf(gj.Glaze([], 0.5))
+        glaze_bsdf(Glaze([], 0.5))
 
 
 _VARIANTS = """
@@ -379,7 +379,7 @@ def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
 
 def test_wavelengths_come_at_even_distances():
     grid = np.array([400.0, 420.0, 430.0, 460.0])
-    paint = gj.Pigment("p", grid, [1e4] * 4, [2e5] * 4)
-    even = on_even_grid(gj.Glaze([gj.Layer(paint, 1e-6)], np.array([0.1, 0.3, 0.4, 0.7])))
+    paint = Pigment("p", grid, [1e4] * 4, [2e5] * 4)
+    even = on_even_grid(Glaze([Layer(paint, 1e-6)], np.array([0.1, 0.3, 0.4, 0.7])))
     assert_allclose(even.wavelengths, np.arange(400, 461, 10))
     assert_allclose(even.ground, np.linspace(0.1, 0.7, 7), atol=1e-9)

@@ -10,8 +10,7 @@ import pytest
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose, assert_array_equal
 
-import glazejax as gj
-from glazejax import colour
+from glazejax import Bidirectional, Glaze, Layer, colour, reflectance
 from glazejax.appearance.scene.draw.intersect import make_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
 from glazejax.appearance.scene.draw.render import render
@@ -43,7 +42,7 @@ from .scenes import GRID, blue_glaze, flat, paint, scene, unit
 
 def forward():
     """A glaze that scatters forwards, which tables of angles cannot hold."""
-    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), 3e-6, phase=[1.0, 0.5])], 0.8)
+    return Glaze([Layer(paint("UltramarineBlue"), 3e-6, phase=[1.0, 0.5])], 0.8)
 
 
 @pytest.mark.parametrize(("incidence", "viewing"), [(60, 30), slow(0, 45)])
@@ -53,7 +52,7 @@ def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewin
     camera = Camera((-np.sin(b), 0, np.cos(b)), up=(0, 1, 0), field_of_view=0.01)
     glaze = blue_glaze()
     made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
-    exact = gj.reflectance(glaze, gj.Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
+    exact = reflectance(glaze, Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
     assert_allclose(made, exact, atol=1e-5)
 
 
@@ -103,7 +102,7 @@ def test_a_thickness_map_is_where_it_belongs():
     down, across = np.meshgrid(range(4), range(4), indexing="ij")
     viewing = np.rad2deg(np.arctan(np.hypot(0.5 * across - 0.75, 0.75 - 0.5 * down) / 10))
     even = coated(0.8, bands=GRID, UltramarineBlue=depths[down // 2, across // 2])
-    exact = gj.reflectance(even, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
+    exact = reflectance(even, Bidirectional(45.0, viewing)) * np.sqrt(0.5)
     assert_allclose(picture, exact, atol=2e-5)
 
 
@@ -243,11 +242,11 @@ def test_lamps_have_luminance_one_and_keep_their_lines():
             assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
     # Against ASTM's weights of the illuminant itself: a paint under a fluorescent lamp.
     grid = np.arange(400.0, 701.0, 10.0)
-    reflectance = gj.reflectance(coated(0.8, Vermillion=25e-6), gj.Bidirectional(45.0))
+    reading = reflectance(coated(0.8, Vermillion=25e-6), Bidirectional(45.0))
     for name, limit in (("D65", 0.05), ("A", 0.05), ("FL2", 0.6)):
         white = light_white(lamp(name, grid), grid)
-        here = lamp(name, grid) * np.asarray(reflectance) @ colour.colour_weights(grid, "E")
-        there = colour.lab(grid, reflectance, illuminant=name)
+        here = lamp(name, grid) * np.asarray(reading) @ colour.colour_weights(grid, "E")
+        there = colour.lab(grid, reading, illuminant=name)
         difference = colour.delta_e_2000(colour.xyz_to_lab(here, white), there)
         assert difference < limit, name
 

@@ -13,7 +13,14 @@ from hypothesis import strategies as st
 from jax.test_util import check_grads
 
 import glazejax as gj
-from glazejax.radiative import rough
+from glazejax.radiative.rough import (
+    rough_hemispherical_reflectance,
+    rough_ports,
+    rough_reflectance_factor,
+    surface_albedo,
+    surface_loss,
+    surface_reflectance_factor,
+)
 from glazejax.radiative.rough.resolution import resolve
 from tests.tolerances import ROUNDING
 
@@ -36,10 +43,8 @@ ENDS = [slow(*each) for each in ((0.02, 1.5), (0.02, 2.5), (1.0, 1.05), (1.0, 2.
 def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
     cosines = np.linspace(0.05, 1, 5)
     given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}
-    body = rough.rough_hemispherical_reflectance(
-        [1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given
-    )
-    assert np.max(np.abs(body + rough.surface_albedo(**given) - 1.0)) < 1e-4
+    body = rough_hemispherical_reflectance([1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given)
+    assert np.max(np.abs(body + surface_albedo(**given) - 1.0)) < 1e-4
 
 
 @pytest.mark.parametrize(("roughness", "index"), [(0.3, 1.5), *ENDS])
@@ -59,28 +64,28 @@ def test_surface_keeps_all_energy_on_both_sides(roughness, index):
     if roughness >= 0.3:
         azimuth = 180 * 0.5 * (y[None] + 1)
         for cosine in (0.3, 0.9):
-            factor = rough.surface_reflectance_factor(
+            factor = surface_reflectance_factor(
                 cosine, air[:, None], azimuth, roughness=roughness, refractive_index=index
             )
             total = float(flux @ (np.asarray(factor) @ (0.5 * w)))
-            expected = rough.surface_albedo(cosine, roughness=roughness, refractive_index=index)
+            expected = surface_albedo(cosine, roughness=roughness, refractive_index=index)
             assert abs(total - float(expected)) < 5e-5
 
 
 def test_incidence_and_viewing_exchanged_give_the_same():
     pairs = (0.3, COSINES), (COSINES, 0.3)
     body = [
-        rough.rough_reflectance_factor(*STACKS, roughness=0.3, cos_incidence=a, cos_viewing=b)
+        rough_reflectance_factor(*STACKS, roughness=0.3, cos_incidence=a, cos_viewing=b)
         for a, b in pairs
     ]
     assert np.allclose(*body, rtol=ROUNDING, atol=0)
-    surface = [rough.surface_reflectance_factor(*pair, 40.0, roughness=0.3) for pair in pairs]
+    surface = [surface_reflectance_factor(*pair, 40.0, roughness=0.3) for pair in pairs]
     assert np.allclose(*surface, rtol=ROUNDING, atol=0)
 
 
 def test_smooth_surface_is_the_smooth_solver_to_the_last_digit():
     cosines = {"cos_incidence": COSINES, "tolerance": 1e-4}
-    ours = rough.rough_reflectance_factor(*STACKS, roughness=0.0, **cosines)
+    ours = rough_reflectance_factor(*STACKS, roughness=0.0, **cosines)
     assert np.array_equal(ours, gj.stack_reflectance_factor(*STACKS, **cosines))
     ours = gj.rough_hemispherical_reflectance(*STACKS, roughness=0, **cosines)
     assert np.array_equal(ours, gj.stack_hemispherical_reflectance(*STACKS, **cosines))
@@ -91,7 +96,7 @@ def test_a_little_roughness_changes_little():
     cosines = {"cos_incidence": COSINES[::-1], "cos_viewing": COSINES, "tolerance": 1e-4}
     smooth = gj.stack_reflectance_factor(*STACKS, **cosines)
     steps = [
-        np.max(np.abs(rough.rough_reflectance_factor(*STACKS, roughness=a, **cosines) - smooth))
+        np.max(np.abs(rough_reflectance_factor(*STACKS, roughness=a, **cosines) - smooth))
         for a in (0.03, 0.003, 3e-4)
     ]
     # At these angles it changes as the square of the roughness and, at the critical angle, faster;
@@ -105,20 +110,18 @@ def test_a_little_roughness_changes_little():
 def test_ports_are_the_reflectance_over_any_ground():
     grounds = np.array([0.0, 0.3, 1.0])[:, None]
     given = {"roughness": 0.2, "cos_incidence": COSINES, "cos_viewing": 0.6}
-    ports = rough.rough_ports(ALBEDO, THICKNESS, **given)
+    ports = rough_ports(ALBEDO, THICKNESS, **given)
     assert np.allclose(
         ports.reflectance(grounds),
-        rough.rough_reflectance_factor(ALBEDO, THICKNESS, grounds, **given),
+        rough_reflectance_factor(ALBEDO, THICKNESS, grounds, **given),
         atol=ROUNDING,
     )
-    other = rough.rough_ports(
-        ALBEDO, THICKNESS, roughness=0.2, cos_incidence=0.6, cos_viewing=COSINES
-    )
+    other = rough_ports(ALBEDO, THICKNESS, roughness=0.2, cos_incidence=0.6, cos_viewing=COSINES)
     assert np.allclose(ports.incidence, other.viewing, rtol=1e-10, atol=1e-300)
     assert np.allclose(ports.back, other.back, rtol=ROUNDING)
     assert np.all((ports.back >= 0) & (ports.back < 1))
     # A ground of one keeps what is not absorbed: S + out = 1 for clear layers.
-    clear = rough.rough_ports([1.0], [0.5], roughness=0.2, cos_viewing=None)
+    clear = rough_ports([1.0], [0.5], roughness=0.2, cos_viewing=None)
     assert abs(float(clear.back + clear.viewing / 1.5) - 1) < 1e-4
 
 
@@ -126,13 +129,13 @@ def test_ports_are_the_reflectance_over_any_ground():
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_ports_of_a_smooth_surface_are_those_of_the_smooth_solver(index):
     given = {"cos_incidence": COSINES, "cos_viewing": 0.6}
-    ports = rough.rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
+    ports = rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
     theirs = gj.stack_reflectance_factor(*STACKS, refractive_index=index, **given)
     assert np.max(np.abs(ports.reflectance(GROUND) - theirs)) < 2e-5
 
 
 def _value(albedo, thickness, ground, light, view):
-    return rough.rough_reflectance_factor(
+    return rough_reflectance_factor(
         albedo,
         thickness,
         ground,
@@ -159,9 +162,7 @@ def test_gradients_are_those_of_differences():
 @pytest.mark.slow
 def test_gradients_of_ports_are_those_of_differences():
     def total(q, d):
-        ports = rough.rough_ports(
-            q, d, roughness=0.2, cos_incidence=0.8, cos_viewing=0.4, tolerance=1e-3
-        )
+        ports = rough_ports(q, d, roughness=0.2, cos_incidence=0.8, cos_viewing=0.4, tolerance=1e-3)
         return 2.0 * ports.dark + ports.incidence - 3.0 * ports.viewing + ports.back
 
     check_grads(jax.jit(total), POINT[:2], order=1, eps=1e-5, rtol=1e-6, atol=1e-8)
@@ -189,14 +190,12 @@ def test_jit_and_vmap_and_loop_give_the_same():
 def test_an_index_for_each_band_is_each_index_by_itself():
     index = np.array([1.5, 1.5, 1.7, 1.5, 1.7])
     given = {"roughness": 0.2, "cos_incidence": COSINES, "tolerance": 1e-3}
-    both = rough.rough_reflectance_factor(*STACKS, refractive_index=index, **given)
+    both = rough_reflectance_factor(*STACKS, refractive_index=index, **given)
     for one in (1.5, 1.7):
-        alone = rough.rough_reflectance_factor(*STACKS, refractive_index=one, **given)
+        alone = rough_reflectance_factor(*STACKS, refractive_index=one, **given)
         assert np.array_equal(np.asarray(both)[index == one], np.asarray(alone)[index == one])
-    surface = rough.surface_albedo(COSINES, roughness=0.2, refractive_index=index)
-    assert np.isclose(
-        surface[2], rough.surface_albedo(COSINES[2], roughness=0.2, refractive_index=1.7)
-    )
+    surface = surface_albedo(COSINES, roughness=0.2, refractive_index=index)
+    assert np.isclose(surface[2], surface_albedo(COSINES[2], roughness=0.2, refractive_index=1.7))
 
 
 @pytest.mark.slow
@@ -210,22 +209,22 @@ def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
     q, d = np.array(layers).T
     flux = [
         float(
-            rough.rough_hemispherical_reflectance(
+            rough_hemispherical_reflectance(
                 q, d, g, roughness=0.2, cos_incidence=cosine, tolerance=1e-3
             )
         )
         for g in (ground, ground + 0.1)
     ]
-    most = 1 - float(rough.surface_albedo(cosine, roughness=0.2))
+    most = 1 - float(surface_albedo(cosine, roughness=0.2))
     assert -1e-3 <= flux[0] <= flux[1] + 1e-12 <= most + 1e-3
 
 
 @pytest.mark.slow
 def test_single_precision_is_as_good_as_it_can_be():
     given = {"roughness": 0.2, "cos_viewing": COSINES, "tolerance": 1e-3}
-    exact = rough.rough_reflectance_factor(*STACKS, **given)
+    exact = rough_reflectance_factor(*STACKS, **given)
     with jax.enable_x64(False):
-        single = rough.rough_reflectance_factor(*STACKS, **given)
+        single = rough_reflectance_factor(*STACKS, **given)
     assert single.dtype == jnp.float32
     assert np.max(np.abs(np.asarray(single, float) - exact)) < 3e-5
 
@@ -252,20 +251,18 @@ def test_bad_input_is_one_clear_sentence(change, words):
         "roughness": 0.2,
     } | change
     with refusal(words):
-        rough.rough_reflectance_factor(**arguments)
+        rough_reflectance_factor(**arguments)
 
 
 @pytest.mark.usefixtures("unchecked")
 def test_what_must_be_known_is_not_traced():
     with refusal("roughness must be one known number"):
-        jax.jit(lambda a: rough.rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
+        jax.jit(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
     with refusal("refractive_index is traced"):
         jax.jit(
-            lambda n: rough.rough_reflectance_factor(
-                [0.5], [1.0], 0.5, roughness=0.2, refractive_index=n
-            )
+            lambda n: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n)
         )(1.5)
     with refusal("mirror direction only"):
-        rough.surface_reflectance_factor(0.5, 0.5, roughness=0.0)
+        surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with refusal("side 'below' is unknown"):
-        rough.surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
+        surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
