@@ -4,9 +4,15 @@ import sys
 from typing import Any
 from unittest import mock
 
+import typer.main
 from typer.testing import CliRunner
 
 from glazejax.commands.main import make_app
+
+
+def commands() -> Any:
+    """All commands by their names, as typer declares them."""
+    return typer.main.get_command(make_app()).commands  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def invoke(*words: Any):

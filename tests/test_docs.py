@@ -24,6 +24,7 @@ from glazejax.appearance.mitsuba.variants import works
 from glazejax.appearance.scene.file import example
 from glazejax.stacks import parse_stack
 
+from .commands import commands
 from .fresh import run_python
 
 ROOT = Path(__file__).parents[1]
@@ -73,15 +74,10 @@ def test_notebooks_begin_in_double_precision():
 
 def test_commands_have_these_options():
     """In blocks of code, and in backquotes."""
-    import typer.main
-
-    from glazejax.commands.main import make_app
-
-    commands = typer.main.get_command(make_app()).commands  # type: ignore[attr-defined]
     options = {
         command: {flag for one in made.params for flag in (*one.opts, *one.secondary_opts)}
         | {"--help"}
-        for command, made in commands.items()
+        for command, made in commands().items()
     }
     faults = []
     for page in PAGES:

@@ -18,16 +18,14 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import typer
 
 import glazefit
 from glazefit import IdentificationOptions
 from glazefit.film.sampling import Sampling
 from glazefit.recipe.task import make_task
 from glazejax.appearance.scene.file import example
-from glazejax.commands.main import make_app
 
-from .commands import invoke
+from .commands import commands, invoke
 
 TESTS = Path(__file__).parent
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -351,8 +349,7 @@ def write_files() -> None:
 
 def declared() -> Iterator[Any]:
     """Each option of each command, as typer declares them."""
-    commands = typer.main.get_command(make_app()).commands  # pyright: ignore[reportAttributeAccessIssue]
-    for name, command in commands.items():
+    for name, command in commands().items():
         for option in command.params:
             if (word := option.opts[0]) != "--help":
                 yield pytest.param(name, option, id=f"{name} {word}")

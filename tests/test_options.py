@@ -7,7 +7,6 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from glazejax import catalogue, extras, samples
 from glazejax.commands import main as cli
 from glazejax.commands import options, progress
 
+from .commands import commands
 from .refusals import refusal
 from .test_first_second import environment
 from .test_pigment_table import HEADER
@@ -57,10 +57,10 @@ BOXES = ["Common", "Input", "Method", "Output", "Advanced"]
     "command", ["export", "identify", "map", "posterior", "predict", "recipe", "recover", "render"]
 )
 def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, command):
-    function = command_group().commands[command].callback
-    boxes = function.help_groups
+    made = commands()[command]
+    boxes = made.callback.help_groups
     named = [name for names in boxes.values() for name in names]
-    there = [p.opts[0] for p in command_group().commands[command].params if p.opts[0][:1] == "-"]
+    there = [p.opts[0] for p in made.params if p.opts[0][:1] == "-"]
     assert named == there, "each option stands in one box, and the help has their order"
     assert len(boxes["Common"]) == 5
     out, _ = run(command, "--help")
@@ -73,14 +73,8 @@ def test_help_has_the_five_usual_options_first_and_all_others_in_boxes(run, comm
 
 
 def test_commands_with_many_options_have_boxes():
-    for command in command_group().commands.values():
+    for command in commands().values():
         assert len(command.params) < 10 or hasattr(command.callback, "help_groups"), command.name
-
-
-def command_group() -> Any:
-    import typer.main
-
-    return typer.main.get_command(cli.make_app())
 
 
 def test_a_shell_completes_commands_and_options(run, monkeypatch):
