@@ -136,18 +136,18 @@ def test_numpy_and_jax_compute_the_same_colours():
 
 def test_numpy_colours_compile_nothing():
     """A hundred small programs, of 20 ms each, are what a command would wait for."""
-    code = (
-        "import numpy as np, jax.monitoring\n"
-        "compiled = []\n"
-        "jax.monitoring.register_event_duration_secs_listener(\n"
-        "    lambda event, seconds, **_: compiled.append(event) if 'backend_compile' in event "
-        "else None)\n"
-        "from glazejax import colour\n"
-        "grid = np.arange(400.0, 701.0, 10.0)\n"
-        "lab = np.asarray(colour.lab(grid, np.ones((3, 31))))\n"
-        "colour.srgb(grid, np.ones(31)), colour.xyz(grid, np.ones(31)), colour.delta_e_2000(lab, "
-        "lab)\n"
-        "colour.xyz_to_lab(np.ones(3), np.ones(3)), colour.xyz_to_srgb(np.ones(3), np.ones(3))\n"
-        "assert not compiled, compiled\n"
-    )
+    code = """
+import numpy as np, jax.monitoring
+compiled = []
+def count(event, seconds, **_):
+    if "backend_compile" in event:
+        compiled.append(event)
+jax.monitoring.register_event_duration_secs_listener(count)
+from glazejax import colour
+grid = np.arange(400.0, 701.0, 10.0)
+lab = np.asarray(colour.lab(grid, np.ones((3, 31))))
+colour.srgb(grid, np.ones(31)), colour.xyz(grid, np.ones(31)), colour.delta_e_2000(lab, lab)
+colour.xyz_to_lab(np.ones(3), np.ones(3)), colour.xyz_to_srgb(np.ones(3), np.ones(3))
+assert not compiled, compiled
+"""
     run_python(code)

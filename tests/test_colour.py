@@ -235,26 +235,26 @@ def test_shapes_must_match():
 
 
 def test_single_precision_without_x64():
-    code = (
-        "import numpy as np, jax.numpy as jnp, sys\n"
-        "import glazejax.colour as c\n"
-        "assert not {'colour', 'matplotlib', 'emcee', 'optimistix'} & set(sys.modules)\n"
-        "lab = c.lab(np.arange(400, 701, 10), np.ones(31))\n"
-        "assert lab.dtype == jnp.float32, lab.dtype\n"
-        "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
-    )
+    code = """
+import numpy as np, jax.numpy as jnp, sys
+import glazejax.colour as c
+assert not {'colour', 'matplotlib', 'emcee', 'optimistix'} & set(sys.modules)
+lab = c.lab(np.arange(400, 701, 10), np.ones(31))
+assert lab.dtype == jnp.float32, lab.dtype
+assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab
+"""
     run_python(code, env={"PYTHONWARNINGS": "error"})
 
 
 @pytest.mark.slow
 def test_numpy_prints_as_before():
-    code = (
-        "import numpy as np\n"
-        "import glazejax.colour as c\n"
-        "before = np.get_printoptions()\n"
-        "c.colour_science()\n"
-        "assert np.get_printoptions() == before, np.get_printoptions()\n"
-    )
+    code = """
+import numpy as np
+import glazejax.colour as c
+before = np.get_printoptions()
+c.colour_science()
+assert np.get_printoptions() == before, np.get_printoptions()
+"""
     run_python(code)
 
 

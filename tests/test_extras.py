@@ -130,13 +130,12 @@ def test_fit_is_the_inverse_package():
 
 
 def test_the_inverse_package_is_not_loaded_before():
-    lines = (
-        "import sys, glazejax",
-        "assert 'glazefit' not in sys.modules",
-        "glazejax.fit",
-        "assert 'glazefit' in sys.modules",
-    )
-    run_python("\n".join(lines))
+    run_python("""
+import sys, glazejax
+assert 'glazefit' not in sys.modules
+glazejax.fit
+assert 'glazefit' in sys.modules
+""")
 
 
 def test_without_the_inverse_package_a_sentence_says_so(monkeypatch):

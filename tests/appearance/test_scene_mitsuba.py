@@ -314,11 +314,10 @@ def test_meshes_keep_their_coordinates(tmp_path):
 
 
 def test_reading_scenes_needs_no_mitsuba():
-    code = (
-        "import sys; import glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file;"
-        "assert 'mitsuba' not in sys.modules"
-    )
-    run_python(code)
+    run_python("""
+import sys, glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file
+assert 'mitsuba' not in sys.modules
+""")
     assert tracing.MOST_SAMPLES > 1000
 
 
