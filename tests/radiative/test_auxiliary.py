@@ -116,7 +116,7 @@ def test_a_step_that_fits_makes_fixed_and_own_step_alike():
     assert np.allclose(fixed, own, atol=1e-9, rtol=0)
 
 
-def test_parts_add_up_and_mean_what_they_say(truth):
+def test_parts_add_up_and_mean_what_they_say():
     for corrected in (True, False):
         split = split_reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
         whole = factors(step=0.04, corrected=corrected)

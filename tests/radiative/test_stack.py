@@ -200,16 +200,15 @@ def test_splitting_a_layer_or_inserting_an_empty_one_changes_nothing():
     q, d = rng.uniform(0, 1, (100, 2)), 10 ** rng.uniform(-2, 1, (100, 2))
     ground, cos = rng.uniform(0, 1, 100), rng.uniform(0.05, 1, 100)
     share = rng.uniform(0, 1, 100)
-    zero = np.zeros(100)
-    split_q = np.stack([q[:, 0], q[:, 0], q[:, 1]], axis=1)
-    split_d = np.stack([share * d[:, 0], (1 - share) * d[:, 0], d[:, 1]], axis=1)
-    empty_q = np.stack([q[:, 0], share, q[:, 1]], axis=1)
-    empty_d = np.stack([d[:, 0], zero, d[:, 1]], axis=1)
+    (upper, lower), (above, below) = q.T, d.T
+    split = [upper, upper, lower], [share * above, (1 - share) * above, below]
+    empty = [upper, share, lower], [above, 0 * above, below]
     given = {"cos_incidence": cos, "tolerance": 1e-4}
     for solve in (stack_reflectance_factor, stack_hemispherical_reflectance):
         whole = solve(q, d, ground, **given)
-        assert np.max(np.abs(solve(split_q, split_d, ground, **given) - whole)) < ROUNDING
-        assert np.max(np.abs(solve(empty_q, empty_d, ground, **given) - whole)) < ROUNDING
+        for layers in (split, empty):
+            found = solve(*np.transpose(layers, (0, 2, 1)), ground, **given)
+            assert np.max(np.abs(found - whole)) < ROUNDING
 
 
 @pytest.mark.single

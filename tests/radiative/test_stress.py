@@ -148,10 +148,9 @@ def test_beams_on_nodes_are_nothing_special():
         inside = nodes.cosines[nodes.reflectance < 1]
         beams = np.sqrt(np.maximum(1 - index**2 * (1 - inside**2), 0))
         beams = beams[beams > 1e-4]
-        q, d = np.tile([0.9, 0.4], (len(beams), 1)), np.tile([0.3, 1.0], (len(beams), 1))
 
-        def f(cos, q=q, d=d, index=index):
-            return factor(q, d, 0.8, cos, cos, refractive_index=index)
+        def f(cos, index=index):
+            return factor([0.9, 0.4], [0.3, 1.0], 0.8, cos, cos, refractive_index=index)
 
         on = f(beams)
         around = 0.5 * (f(beams * (1 - 1e-5)) + f(np.minimum(beams * (1 + 1e-5), 1)))
