@@ -271,41 +271,21 @@ def test_the_command_fits_openpbr(here):
     assert "--out glaze.mtlx exists" in str(again.exception)
 
 
-def test_the_command_reads_a_stack_and_maps(tmp_path):
+def test_the_command_reads_a_stack_and_maps(here):
     stack = Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
-    write_stack(tmp_path / "one.json", stack)
-    np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
-    np.save(tmp_path / "share.npy", np.array([[0.0, 0.2, 0.8]]))
-    words = (tmp_path / "one.json", "--to", "textures")
-    first = export(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
-    assert "card of white and black: exported over white" in first.output
-    export(
-        *words,
-        "--thickness-map",
-        tmp_path / "share.npy",
-        "--thickness-range",
-        "0-5um",
-        "--out",
-        tmp_path / "b",
-        "--pixel",
-        "50um",
-    )
-    pictures = [read_png(tmp_path / folder / "glaze_base_color.png") for folder in ("a", "b")]
+    write_stack(here / "one.json", stack)
+    np.save("thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
+    np.save("share.npy", np.array([[0.0, 0.2, 0.8]]))
+    words = "one.json", "--to", "textures", "--thickness-map"
+    thin = *words, "thin.npy", "--out", "a"
+    assert "card of white and black: exported over white" in export(*thin).output
+    export(*words, "share.npy", "--thickness-range", "0-5um", "--pixel", "50um", "--out", "b")
+    pictures = [read_png(here / folder / "glaze_base_color.png") for folder in ("a", "b")]
     assert_array_equal(pictures[0], pictures[1])
-    assert (tmp_path / "b" / "glaze_normal.png").exists()
-    again = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
-    assert "exists" in str(again.exception)
-    export(
-        *words,
-        "--thickness-map",
-        tmp_path / "thin.npy",
-        "--out",
-        tmp_path / "a",
-        "--overwrite",
-        "--ground",
-        "0.1",
-    )
-    assert np.all(read_png(tmp_path / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
+    assert (here / "b" / "glaze_normal.png").exists()
+    assert "exists" in str(run(*thin).exception)
+    export(*thin, "--overwrite", "--ground", "0.1")
+    assert np.all(read_png(here / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 4.0), (-1e-6, 1e-6)])

@@ -25,6 +25,10 @@ def glaze(top: Numbers = 15e-6, index=1.5, wavelengths=None):
     return coated(0.6, index, wavelengths, CobaltBlue=top, ZincWhite=20e-6)
 
 
+def table_of(**how):
+    return glaze_table(glaze(), WAVELENGTHS, **how)
+
+
 def solved(top: Numbers = 15e-6, index=1.5):
     """By the solver, a hundred times finer than the table."""
     made = glaze(top, index, WAVELENGTHS)
@@ -47,18 +51,16 @@ def forward():
 
 @pytest.fixture(scope="module")
 def table():
-    return glaze_table(glaze(), WAVELENGTHS, tolerance=1e-4)
+    return table_of(tolerance=1e-4)
 
 
 @pytest.fixture(scope="module")
 def deep():
-    return glaze_table(glaze(), WAVELENGTHS, thickness=np.linspace(0, 30e-6, 7), tolerance=1e-4)
+    return table_of(thickness=np.linspace(0, 30e-6, 7), tolerance=1e-4)
 
 
 def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
-    thick = glaze_table(
-        glaze(), WAVELENGTHS, angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS)
-    )
+    thick = table_of(angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS))
     found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
     assert_allclose(
         found,
@@ -100,7 +102,7 @@ def test_mirror_is_the_outer_surface(table):
 
 def test_only_angles_asked_for(table):
     """One direction of light makes one node; what a scene does not have is not computed."""
-    narrow = glaze_table(glaze(), WAVELENGTHS, angles=((45, 45), (0, 20)), tolerance=1e-4)
+    narrow = table_of(angles=((45, 45), (0, 20)), tolerance=1e-4)
     assert narrow.table.shape[1] == 1
     assert narrow.table.size < 5 * 8
     viewing = np.cos(np.deg2rad(np.linspace(0, 20, 9)))
@@ -181,17 +183,17 @@ def test_slopes_by_the_paint(table):
     ("call", "message"),
     [
         (lambda t: t.reflectance_factor(0.5, 0.5, 1e-6), "thickness is fixed"),
-        (lambda t: glaze_table(glaze(), WAVELENGTHS, tolerance=0), "tolerance is 0"),
+        (lambda t: table_of(tolerance=0), "tolerance is 0"),
         (
-            lambda t: glaze_table(glaze(), WAVELENGTHS, angles=((0, 100), (0, 90))),
+            lambda t: table_of(angles=((0, 100), (0, 90))),
             "angles of incidence are 0 to 100",
         ),
         (
-            lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[1e-6], layer=2),
+            lambda t: table_of(thickness=[1e-6], layer=2),
             "layer is 2, but the glaze has 2",
         ),
-        (lambda t: glaze_table(glaze(), WAVELENGTHS, layer=5), "layer is 5, but the glaze has 2"),
-        (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[12.0]), "thickness is in metres"),
+        (lambda t: table_of(layer=5), "layer is 5, but the glaze has 2"),
+        (lambda t: table_of(thickness=[12.0]), "thickness is in metres"),
         (
             lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS),
             "one glaze, without batch axes",
