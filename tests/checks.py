@@ -1,11 +1,16 @@
 """Assertions that many tests make of functions that JAX transforms."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
+from jax.test_util import check_grads
 from numpy.testing import assert_allclose
+
+check_slopes = partial(check_grads, order=1)
+"""Slopes of a function at some arguments are those of differences, forward and in reverse."""
 
 
 def finite(tree: Any) -> bool:
