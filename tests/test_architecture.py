@@ -3,8 +3,9 @@ in a circle.
 """
 
 import ast
+import functools
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 
 import pytest
@@ -22,6 +23,16 @@ from .rooms import (
 )
 
 FILES = {name: path for name, path in MODULES.items() if name.split(".")[0] in PACKAGES}
+
+
+@functools.cache
+def nodes() -> list[tuple[str, ast.AST]]:
+    """Syntax of all files with the module of each node; read when a test asks for it."""
+    return [
+        (module, node)
+        for module, path in FILES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    ]
 
 
 def _allowed() -> dict[str, set[str]]:
@@ -91,8 +102,7 @@ def test_imports_by_name_say_the_name():
     """
     silent = [
         module
-        for module, path in FILES.items()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for module, node in nodes()
         if isinstance(node, ast.Call) and called(node) in BY_NAME and not asked_for(node, module)
     ]
     assert silent == ["glazejax.studio.worker"]
@@ -105,19 +115,15 @@ def test_forward_never_imports_inverse():
     assert wrong == ["glazejax"]
 
 
-def _positional_calls(module: str) -> Iterator[tuple[str, str]]:
-    """Calls with more than six positional arguments, and the names of what is called."""
-    for node in ast.walk(ast.parse(FILES[module].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and len(node.args) > 6:
-            name = called(node)
-            yield name, f"{module}:{node.lineno} {name}"
-
-
 # What takes any number of like things.
 _OF_ANY_NUMBER = {"fingerprint", "plain_table", "pack"}
 
 
 def test_records_and_functions_of_many_arguments_are_called_by_keyword():
     """Two arrays of one shape that change places are a wrong answer without a sign."""
-    calls = [call for module in FILES for call in _positional_calls(module)]
-    assert [where for name, where in calls if name not in _OF_ANY_NUMBER] == []
+    calls = [
+        f"{module}:{node.lineno} {called(node)}"
+        for module, node in nodes()
+        if isinstance(node, ast.Call) and len(node.args) > 6 and called(node) not in _OF_ANY_NUMBER
+    ]
+    assert calls == []

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from .rooms import MODULES
-from .test_architecture import FILES
+from .test_architecture import nodes
 
 VAGUE = re.findall(
     r"\w+",
@@ -25,16 +25,6 @@ DIALECT = re.findall(
     "mend mended amiss",
 )
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-
-
-@functools.cache
-def nodes() -> list[tuple[str, ast.AST]]:
-    """Syntax of all files with the module of each node; read when a test asks for it."""
-    return [
-        (module, node)
-        for module, path in FILES.items()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-    ]
 
 
 def bindings() -> Iterator[str]:
