@@ -22,6 +22,7 @@ TWO_LAYERS: dict[str, Any] = {
     "substrate_reflectance": 0.5,
 }
 """Arguments of a stack, of which tests make one wrong."""
+NO_STACKS = np.zeros((0, 2)), np.zeros((0, 2)), 0.5
 
 
 class Cases(NamedTuple):

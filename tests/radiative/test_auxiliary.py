@@ -21,7 +21,7 @@ from tests.tolerances import ROUNDING
 from ..checks import check_slopes, finite
 from ..refusals import refusal
 from ..slow import slow
-from .cases import CENTRAL, TWO_LAYERS, factor, lapack_calls, reference_cases
+from .cases import CENTRAL, NO_STACKS, TWO_LAYERS, factor, lapack_calls, reference_cases
 
 # Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no
 # scattering at all and no absorption at all.
@@ -160,7 +160,7 @@ def test_batches_and_angles_broadcast():
     )
     for part, whole in zip(one, table, strict=True):
         assert np.allclose(part, whole[:, 0, 1], atol=1e-10, rtol=0)
-    assert reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
+    assert reflectance_factor(*NO_STACKS).shape == (0,)
     assert reflectance_factor([0.5], [0.3], 0.5, step=0.1).shape == ()
 
 

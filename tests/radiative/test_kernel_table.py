@@ -28,18 +28,15 @@ def test_kernels_are_the_integrals_of_the_paper(n):
     def check(found, integrand):
         assert found == pytest.approx(over_mu(integrand), abs=ROUNDING, rel=0)
 
-    # Integrated over a segment first, so that only the integral over mu is numerical.
+    def left(m, near, far):
+        """Integrated over a segment first, so that only the integral over mu is numerical."""
+        return np.exp(-near * step / m) - np.exp(-far * step / m)
+
     for k in range(1, 6):
-        near, far = (k - 0.5) * step, (k + 0.5) * step
-        check(table.toeplitz[k], lambda m, a=near, b=far: np.exp(-a / m) - np.exp(-b / m))
-    check(table.toeplitz[0], lambda m: 2 * (1 - np.exp(-step / 2 / m)))
+        check(table.toeplitz[k], lambda m, k=k: left(m, k - 0.5, k + 0.5))
+    check(table.toeplitz[0], lambda m: 2 * left(m, 0, 0.5))
     for k in range(11):
-        near, far = (k + 0.5) * step, (k + 1.5) * step
-
-        def reflected(m, a=near, b=far):
-            return from_inside(m, n) * (np.exp(-a / m) - np.exp(-b / m))
-
-        check(table.hankel[k], reflected)
+        check(table.hankel[k], lambda m, k=k: from_inside(m, n) * left(m, k + 0.5, k + 1.5))
     check(table.e3[2], lambda m: m * np.exp(-2 * step / m))
     check(table.j2[3], lambda m: from_inside(m, n) * m * np.exp(-3 * step / m))
 

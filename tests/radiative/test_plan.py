@@ -18,6 +18,7 @@ from glazejax.radiative.plan.plan import ALL, Savings, plan_stacks
 
 from ..refusals import refusal
 from ..slow import slow
+from .cases import NO_STACKS
 
 NONE = Savings(*(False for _ in Savings._fields))
 STACKS, LAYERS = 64, 3
@@ -309,7 +310,7 @@ def test_a_plan_needs_numbers():
 
 
 def test_no_stacks_and_bare_ground():
-    assert plan_stacks(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).run().shape == (0,)
+    assert plan_stacks(*NO_STACKS).run().shape == (0,)
     bare = plan_stacks(np.zeros(0), np.zeros(0), 0.5)
     assert_allclose(
         bare.run(),

@@ -32,6 +32,7 @@ from .cases import (
     EDGE_GROUND,
     EDGE_THICKNESS,
     LAYERS,
+    NO_STACKS,
     TWO_LAYERS,
     factor,
     flux,
@@ -42,12 +43,14 @@ from .cases import (
 
 pytestmark = pytest.mark.optimised
 
-_value_and_gradient = jax.jit(
-    jax.value_and_grad(lambda *stack: factor(*stack, tolerance=1e-4).sum(), argnums=tuple(range(5)))
-)
-_flux = jax.jit(
-    jax.value_and_grad(lambda *stack: flux(*stack, tolerance=1e-4).sum(), argnums=tuple(range(4)))
-)
+
+def with_slopes(solve, count: int):
+    """The sum of what is solved for, with its slopes by all arguments."""
+    by_all = tuple(range(count))
+    return jax.jit(jax.value_and_grad(lambda *stack: solve(*stack, tolerance=1e-4).sum(), by_all))
+
+
+_value_and_gradient, _flux = with_slopes(factor, 5), with_slopes(flux, 4)
 
 unit = st.one_of(st.sampled_from(EDGE_ALBEDO), st.floats(0, 1))
 depth = st.one_of(st.sampled_from(EDGE_THICKNESS), st.floats(0, 1e6))
@@ -175,7 +178,7 @@ def test_batches_broadcast():
         q, [0.1, 0.2], np.linspace(0, 1, 4), cos_viewing=np.array([[0.5], [0.6], [0.7]])
     )
     assert out.shape == (3, 4)
-    assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
+    assert stack_reflectance_factor(*NO_STACKS).shape == (0,)
 
 
 @pytest.mark.slow
