@@ -92,6 +92,7 @@ def test_rotation_turns_as_it_says():
 
 
 BALL = trimesh.creation.icosphere(subdivisions=4)
+MESH = Mesh("m", BALL.vertices, BALL.faces)
 
 
 def test_rays_meet_the_point_of_a_mesh_that_they_aim_at():
@@ -100,9 +101,8 @@ def test_rays_meet_the_point_of_a_mesh_that_they_aim_at():
     shares = rng.dirichlet(np.ones(3), len(BALL.faces))
     aim = np.sum(shares[..., None] * BALL.vertices[BALL.faces], axis=1)
     away = unit(BALL.face_normals + 0.5 * rng.uniform(-1, 1, aim.shape))
-    mesh = Mesh("m", BALL.vertices, BALL.faces)
     hit = nearest(
-        make_geometry([mesh], MATERIALS), jnp.asarray(aim + 3.0 * away), jnp.asarray(-away)
+        make_geometry([MESH], MATERIALS), jnp.asarray(aim + 3.0 * away), jnp.asarray(-away)
     )
     assert_allclose(hit.distance, 3.0, rtol=1e-9)
 
@@ -144,7 +144,7 @@ def test_triangles_that_touch_leave_no_gap_and_edges_seen_end_on_do_no_harm():
 def test_a_mesh_without_trimesh_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with refusal(r'pip install "glazejax\[scene\]"'):
-        make_geometry([Mesh("m", BALL.vertices, BALL.faces)], MATERIALS)
+        make_geometry([MESH], MATERIALS)
 
 
 @pytest.mark.skipif(
@@ -153,7 +153,7 @@ def test_a_mesh_without_trimesh_says_what_to_install(monkeypatch):
 def test_a_mesh_without_an_engine_says_what_to_install(monkeypatch):
     monkeypatch.setattr(trimesh.ray, "has_embree", False)
     with refusal(r'embreex.*pip install "glazejax\[scene\]"'):
-        make_geometry([Mesh("m", BALL.vertices, BALL.faces)], MATERIALS)
+        make_geometry([MESH], MATERIALS)
 
 
 def test_smooth_normals_are_those_of_a_sphere():

@@ -231,12 +231,16 @@ def rough_glaze(roughness):
     return Glazed(coated(0.8, bands=WAVELENGTHS, ZincWhite=1e-5), roughness=roughness)
 
 
+def square(relief=None):
+    return Plane("m", size=(1.0, 1.0), relief=relief)
+
+
 def test_the_ray_caster_says_what_it_cannot_draw():
     shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
-    flat, raised = Plane("m", size=(1.0, 1.0)), Plane("m", size=(1.0, 1.0), relief=np.zeros((3, 3)))
+    flat = square()
     for shape, materials, light, words in (
         (flat, GREY, shine, "area lights"),
-        (raised, GREY, SUN, "relief"),
+        (square(np.zeros((3, 3))), GREY, SUN, "relief"),
         (flat, {"m": rough_glaze(0.1)}, SUN, "glazes with a rough surface"),
     ):
         with refusal(f"draw {words}: use path_trace, or glazejax scene --renderer mitsuba"):
@@ -253,16 +257,16 @@ def test_the_ray_caster_says_what_it_cannot_draw():
     ("make", "words"),
     [
         (
-            lambda: Plane("m", size=(1.0, 1.0), relief=np.zeros(5)),
+            lambda: square(np.zeros(5)),
             r"a relief must be a map of heights \(h, w\), at least 2 x 2, not of shape \(5,\)",
         ),
         (
-            lambda: Plane("m", size=(1.0, 1.0), relief=np.zeros((1, 5))),
+            lambda: square(np.zeros((1, 5))),
             r"at least 2 x 2, not of shape \(1, 5\)",
         ),
-        (lambda: Plane("m", size=(1.0, 1.0), relief=np.full((3, 3), np.nan)), "finite heights"),
+        (lambda: square(np.full((3, 3), np.nan)), "finite heights"),
         (
-            lambda: Plane("m", size=(1.0, 1.0), relief=np.zeros((5000, 5000), bool)),
+            lambda: square(np.zeros((5000, 5000), bool)),
             "5000 x 5000 heights is too fine",
         ),
         (lambda: Plane("m", relief=np.zeros((2, 2))), "a plane with a relief needs a size"),
@@ -273,7 +277,7 @@ def test_the_ray_caster_says_what_it_cannot_draw():
         ),
         (lambda: AreaLight(Box(""), 1.0), "a rectangle or a sphere, not a Box"),
         (
-            lambda: AreaLight(Plane("", size=(1.0, 1.0), relief=np.zeros((2, 2))), 1.0),
+            lambda: AreaLight(square(np.zeros((2, 2))), 1.0),
             "leave its relief out",
         ),
     ],
@@ -284,7 +288,7 @@ def test_what_is_no_relief_and_no_area_light(make, words):
 
 
 def test_samples_out_of_range_are_refused():
-    scene = made([Plane("m", size=(1.0, 1.0))], GREY, [SUN])
+    scene = made([square()], GREY, [SUN])
     for samples in (0, 2**21, True):
         with refusal("samples must be a whole number from 1 to"):
             path_trace(scene, samples=samples)

@@ -40,6 +40,11 @@ from ..slow import slow
 from .scenes import GRID, blue_glaze, flat, paint, scene, unit
 
 
+def straight_from(*place):
+    """A camera that looks to the origin, along one line."""
+    return Camera(place, up=(0, 1, 0), field_of_view=0.01)
+
+
 def forward():
     """A glaze that scatters forwards, which tables of angles cannot hold."""
     return Glaze([Layer(paint("UltramarineBlue"), 3e-6, phase=[1.0, 0.5])], 0.8)
@@ -49,7 +54,7 @@ def forward():
 def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
     a, b = np.deg2rad([incidence, viewing])
     light = ParallelLight((np.sin(a), 0, -np.cos(a)), np.linspace(0.5, 1.0, GRID.size))
-    camera = Camera((-np.sin(b), 0, np.cos(b)), up=(0, 1, 0), field_of_view=0.01)
+    camera = straight_from(-np.sin(b), 0, np.cos(b))
     glaze = blue_glaze()
     made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
     exact = reflectance(glaze, Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
@@ -59,7 +64,7 @@ def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewin
 def test_highlights_are_where_the_vectors_say():
     # One pixel of a plane, with the paper's vectors worked out one by one.
     light = ParallelLight((0.5, 0.3, -1.0), np.linspace(0.5, 1.0, GRID.size))
-    camera = Camera((0.4, 0.5, 1.0), up=(0, 1, 0), field_of_view=0.01)
+    camera = straight_from(0.4, 0.5, 1.0)
     normal = np.array([0.0, 0.0, 1.0])
     towards, view = unit([[-0.5, -0.3, 1.0], [0.4, 0.5, 1.0]])
     half = unit(towards + view)
@@ -78,7 +83,7 @@ def test_highlights_are_where_the_vectors_say():
 
 def test_gloss_adds_the_mirrored_surroundings():
     background = np.linspace(0.2, 0.9, GRID.size)
-    camera = Camera((-1, 0, 1), up=(0, 1, 0), field_of_view=0.01)
+    camera = straight_from(-1, 0, 1)
     light = ParallelLight((0, 0, -1), 1.0)
     pictures = [
         render(flat(Glazed(blue_glaze(), gloss=g), light, camera, background=background))
