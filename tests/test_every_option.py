@@ -319,13 +319,14 @@ def write_files() -> None:
     paints = ["pigment,wavelength_nm,absorption,scattering"]
     for name in ("ZincWhite", "Own"):
         paints += [f"{name},{w:g},1000,50000" for w in np.arange(380.0, 731.0, 10.0)]
+    cube = np.full((4, 5, GRID.size), 0.4, np.float32)
     with h5py.File("cubes.nc", "w") as file:
         for name in ("one", "two"):
-            file[name] = np.full((4, 5, GRID.size), 0.4, np.float32)
+            file[name] = cube
     with h5py.File("radiance.nc", "w") as file:
-        file["radiance"] = np.full((4, 5, GRID.size), 0.4, np.float32)
-    np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
-    np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
+        file["radiance"] = cube
+    np.save("cube.npy", cube)
+    np.save("other.npy", 1.5 * cube)
     np.savetxt("bands.txt", GRID)
     np.savetxt("white.txt", np.full(GRID.size, 0.9))
     np.savetxt("dark.txt", np.full(GRID.size, 0.01))

@@ -14,7 +14,8 @@ from glazejax.extras import advice, require
 from .fresh import run_python
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
 OPTIONAL = {
     "typer": "commands",
     "rich": "commands",
@@ -116,10 +117,7 @@ def test_what_no_extra_brings_has_no_advice():
 
 
 def test_version_is_that_of_the_project():
-    assert (
-        glazejax.__version__
-        == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    )
+    assert glazejax.__version__ == PROJECT["version"]
 
 
 def test_fit_is_the_inverse_package():

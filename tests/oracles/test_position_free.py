@@ -100,9 +100,10 @@ def test_paint_under_a_rough_surface(alpha, index, scattering, absorption, groun
     assert rough.loss_constant(**surface) == pytest.approx(lost, rel=2e-3)
 
 
+_FORWARD = _stack([0.485, 1.8], [[0.015], [0.2]], g=[0.7, 0.3])
 PAINTS = {
-    "forward": _stack([0.485, 1.8], [[0.015], [0.2]], g=[0.7, 0.3]),
-    "forward, no surface": _stack([0.485, 1.8], [[0.015], [0.2]], g=[0.7, 0.3], index=1.0),
+    "forward": _FORWARD,
+    "forward, no surface": _FORWARD._replace(refractive_index=np.ones(2)),
     "back over forward, thick": _stack(
         [0.297, 7.96], [[0.003], [0.04]], g=[-0.5, 0.7], index=1.33, ground=0.2
     ),
