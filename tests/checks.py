@@ -18,6 +18,11 @@ def finite(tree: Any) -> bool:
     return all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(tree))
 
 
+def largest_difference(values: Any, others: Any) -> float:
+    """Of two arrays; not a number where one of them holds none."""
+    return float(np.max(np.abs(np.subtract(values, others))))
+
+
 def check_mapped(function: Callable, *arguments: Any, **within: Any) -> None:
     """Under jit, and under vmap by the first axes, a function gives what it gives by itself."""
     plain = function(*arguments)

@@ -23,7 +23,7 @@ from glazejax.radiative.rough import (
 from glazejax.radiative.rough.resolution import resolve
 from tests.tolerances import ROUNDING
 
-from ..checks import check_mapped, check_slopes, finite
+from ..checks import check_mapped, check_slopes, finite, largest_difference
 from ..refusals import refusal
 from ..slow import slow
 
@@ -43,7 +43,7 @@ def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
     cosines = np.linspace(0.05, 1, 5)
     given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}
     body = rough_hemispherical_reflectance([1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given)
-    assert np.max(np.abs(body + surface_albedo(**given) - 1.0)) < 1e-4
+    assert largest_difference(body + surface_albedo(**given), 1.0) < 1e-4
 
 
 @pytest.mark.parametrize(("roughness", "index"), [(0.3, 1.5), *ENDS])
@@ -130,7 +130,7 @@ def test_ports_of_a_smooth_surface_are_those_of_the_smooth_solver(index):
     given = {"cos_incidence": COSINES, "cos_viewing": 0.6}
     ports = rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
     theirs = gj.stack_reflectance_factor(*STACKS, refractive_index=index, **given)
-    assert np.max(np.abs(ports.reflectance(GROUND) - theirs)) < 2e-5
+    assert largest_difference(ports.reflectance(GROUND), theirs) < 2e-5
 
 
 def _value(albedo, thickness, ground, light, view):
@@ -225,7 +225,7 @@ def test_single_precision_is_as_good_as_it_can_be():
     with jax.enable_x64(False):
         single = rough_reflectance_factor(*STACKS, **given)
     assert single.dtype == jnp.float32
-    assert np.max(np.abs(np.asarray(single, float) - exact)) < 3e-5
+    assert largest_difference(single, exact) < 3e-5
 
 
 @pytest.mark.usefixtures("unchecked")
