@@ -22,6 +22,12 @@ def blue_glaze(thickness: Numbers = 3e-6):
     return coated(0.8, bands=GRID, UltramarineBlue=thickness, ZincWhite=20e-6)
 
 
+def half_range(count):
+    """Cosines from 0 to 1, and weights of twice the integral over them."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (nodes + 1), weights
+
+
 def unit(vectors):
     """Directions of vectors along the last axis."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -25,7 +25,7 @@ from glazejax.appearance.exports.spaces import LAYERINGS
 from glazejax.radiative.rough.lobes import lobe_albedo, lobe_factor
 
 from ..slow import slow
-from .scenes import GRID, blue_glaze
+from .scenes import GRID, blue_glaze, half_range
 
 COSINES = np.array([0.05, 0.3, 0.6, 0.95, 1.0])
 WHITE = (1.0, 1.0, 1.0)
@@ -39,8 +39,8 @@ def truth():
 
 def hemisphere(function, cos_out: float) -> np.ndarray:
     """Albedo of a reflectance factor towards an angle, by a rule of its own."""
-    nodes, weights = np.polynomial.legendre.leggauss(160)
-    light, turns = 0.5 * (nodes + 1), np.arange(0.5, 180.0)
+    light, weights = half_range(160)
+    turns = np.arange(0.5, 180.0)
     values = function(*np.broadcast_arrays(light[:, None], np.array(cos_out), turns))
     return np.tensordot(weights * light, values.mean(axis=1), 1)
 
@@ -56,8 +56,7 @@ def test_a_white_rough_body_keeps_all_light(roughness):
 def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
     """Of light from all sides a share m leaves after each bounce: c m (1 + c (1 - m) + ...)."""
     colour = np.array([0.2, 0.5, 0.9])
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    cosines = 0.5 * (nodes + 1)
+    cosines, weights = half_range(8)
 
     def albedo(colour, *, bounces: bool) -> np.ndarray:
         # What is given back of a nearly black body is nothing.
@@ -99,8 +98,7 @@ def test_a_white_material_reflects_everything(layering):
     mean = directional_albedo(plain, COSINES, layering=layering)
     if layering == "reciprocal":
         # What goes in grazing is less, what goes in steep is more: only the whole is kept.
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        mu = 0.5 * (nodes + 1)
+        mu, weights = half_range(16)
         mean = np.array([weights * mu @ directional_albedo(plain, mu, layering=layering)])
     assert_allclose(mean, 1.0, atol=2e-4)
 
@@ -230,8 +228,7 @@ def test_the_fit_is_nearer_than_no_fit_and_reciprocal_layers_are_nearer_still(tr
 def test_errors_are_what_they_say(truth):
     material = OpenPBR(base_color=(0.1, 0.1, 0.5), specular_roughness=0.0)
     errors = material_errors(material, truth)
-    nodes, weights = np.polynomial.legendre.leggauss(truth.weights.size)
-    mu = 0.5 * (nodes + 1)
+    mu, weights = half_range(truth.weights.size)
     share = (weights * mu)[:, None] * weights * mu
     seen = np.array([[reflectance_factor(material, i, o) for o in mu] for i in mu])
     square = ((seen - truth.body[truth.nodes, truth.nodes]) ** 2).mean(axis=-1)

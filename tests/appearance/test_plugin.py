@@ -28,6 +28,7 @@ from .plugin import (
     mitsuba_in,
     mixed_over_white,
 )
+from .scenes import half_range
 
 PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
 
@@ -37,9 +38,13 @@ def mitsuba():
     return mitsuba_in("scalar_spectral")
 
 
+def loaded(mi, **given):
+    return mi.load_dict({"type": "glaze", **given})
+
+
 @pytest.fixture(scope="module")
 def blue(mitsuba):
-    return mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    return loaded(mitsuba, coats=BLUE)
 
 
 def check_factor(mi, bsdf, glaze, cos_in, cos_out, *wavelengths, **how):
@@ -133,16 +138,14 @@ def test_a_ground_with_a_spectrum_at_each_place(mitsuba):
 
 
 def test_numbers_count_for_the_coat_that_is_named(mitsuba):
-    bsdf = mitsuba.load_dict(
-        {
-            "type": "glaze",
-            "coats": "Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um",
-            "layer": 1,
-            "thickness": 4e-6,
-            "fraction": 0.25,
-            "ground": 0.6,
-            "refractive_index": 1.3,
-        }
+    bsdf = loaded(
+        mitsuba,
+        coats="Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um",
+        layer=1,
+        thickness=4e-6,
+        fraction=0.25,
+        ground=0.6,
+        refractive_index=1.3,
     )
     paints = catalogue.load()
     mixture = Mixture([paints["ZincWhite"], paints["UltramarineBlue"]], [0.75, 0.25])
@@ -164,11 +167,11 @@ def test_a_file_of_the_studio(mitsuba, tmp_path):
     coats = [{"paint": {"CobaltBlue": 1}, "um": 2}]
     stack = {"glazejax": "stack", "version": 1, "coats": coats, "ground": 0.7}
     path.write_text(json.dumps(stack))
-    bsdf = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
+    bsdf = loaded(mitsuba, coats=str(path))
     check_factor(mitsuba, bsdf, coated(0.7, CobaltBlue=2e-6), 0.5, 0.9)
     # The same name, another glaze.
     path.write_text(json.dumps(stack | {"ground": 0.1}))
-    dark = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
+    dark = loaded(mitsuba, coats=str(path))
     assert factor(mitsuba, dark, 0.5, 0.9).mean() < 0.8 * factor(mitsuba, bsdf, 0.5, 0.9).mean()
 
 
@@ -207,15 +210,16 @@ def test_the_mirror_and_the_body_are_drawn_by_their_albedos(mitsuba, blue):
         assert mitsuba.has_flag(body.sampled_type, flags.DiffuseReflection)
         value = np.array(blue.eval(mitsuba.BSDFContext(), si, body.wo))
         assert_allclose(np.array(weight), value / body.pdf, rtol=1e-5)
-    matt = mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": False})
+    matt = loaded(mitsuba, coats=BLUE, gloss=False)
     assert matt.component_count() == 1
 
 
 def albedo(mi, bsdf, cosine):
     """Of the body, mean of the bands, by quadrature."""
-    x, w = np.polynomial.legendre.leggauss(12)
-    nodes = 0.5 * (x + 1)
-    return sum(wk * n * factor(mi, bsdf, cosine, n).mean() for n, wk in zip(nodes, w, strict=True))
+    return sum(
+        weight * mu * factor(mi, bsdf, cosine, mu).mean()
+        for mu, weight in zip(*half_range(12), strict=True)
+    )
 
 
 def test_only_the_lobes_that_are_asked_for(mitsuba, blue):
@@ -248,10 +252,7 @@ def test_the_fused_calls_say_the_same(mitsuba, blue):
 
 def test_alike_glazes_share_a_table(mitsuba):
     before = _table.cache_info().misses
-    one, two = (
-        mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": gloss})
-        for gloss in (True, False)
-    )
+    one, two = (loaded(mitsuba, coats=BLUE, gloss=gloss) for gloss in (True, False))
     assert one.table is two.table
     assert _table.cache_info().misses <= before + 1
 
@@ -309,7 +310,7 @@ def test_what_is_refused(mitsuba, given, sentence):
         if value is not None
     }
     with pytest.raises(RuntimeError) as told:
-        mitsuba.load_dict({"type": "glaze", **given})
+        loaded(mitsuba, **given)
     assert sentence in str(told.value)
 
 
@@ -371,7 +372,7 @@ def test_reciprocity(mitsuba, blue):
 
 
 def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
-    bsdf = mitsuba.load_dict({"type": "glaze", "coats": WHITE})
+    bsdf = loaded(mitsuba, coats=WHITE)
     for cosine in (1.0, 0.4, 0.1):
         whole = albedo(mitsuba, bsdf, cosine) + float(dielectric_reflectance(cosine, 1.5))
         assert whole == pytest.approx(1.0, abs=2e-3)

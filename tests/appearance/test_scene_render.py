@@ -315,6 +315,10 @@ def test_spectra_in_openexr(tmp_path, picture):
             assert_allclose(pixels, picture.radiance[..., k], rtol=1e-6, atol=1e-9)
 
 
+def ball_of(material):
+    return {"materials": {"m": material}, "shapes": [Sphere("m")]}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -324,23 +328,20 @@ def test_spectra_in_openexr(tmp_path, picture):
         ({"background": np.ones(3)}, "background has shape"),
         ({"background": np.nan}, "background holds nan"),
         (
-            {"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]},
+            ball_of(Lambert(np.ones(3))),
             "reflectance of material 'm' has shape",
         ),
-        ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
+        (ball_of(Lambert(-0.5)), "holds -0.5"),
         (
-            {"materials": {"m": Phong(0.5, -1.0)}, "shapes": [Sphere("m")]},
+            ball_of(Phong(0.5, -1.0)),
             "specular of material 'm' is -1",
         ),
         (
-            {"materials": {"m": Glazed(forward())}, "shapes": [Sphere("m")]},
+            ball_of(Glazed(forward())),
             "material 'm': .* phase function",
         ),
         (
-            {
-                "materials": {"m": Glazed(blue_glaze(np.array([1e-6, 2e-6])))},
-                "shapes": [Sphere("m")],
-            },
+            ball_of(Glazed(blue_glaze(np.array([1e-6, 2e-6])))),
             "'m': .* map of thicknesses",
         ),
     ],
@@ -348,6 +349,10 @@ def test_spectra_in_openexr(tmp_path, picture):
 def test_scenes_that_cannot_be(change, words):
     with refusal(words):
         replace(still_life(), **change)
+
+
+def triangle(*corners):
+    return Mesh("m", np.eye(3), np.array([corners]))
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -359,14 +364,14 @@ def test_scenes_that_cannot_be(change, words):
         (lambda: Plane("m", normal=(0, 0, 0)), "no direction"),
         (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
         (
-            lambda: Mesh("m", np.eye(3), np.array([[0, 1, -1]])),
+            lambda: triangle(0, 1, -1),
             "a face names vertex -1, but they are 0 to 2",
         ),
         (
-            lambda: Mesh("m", np.eye(3), np.array([[0, 1, 3]])),
+            lambda: triangle(0, 1, 3),
             "a face names vertex 3, but they are 0 to 2",
         ),
-        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])), "faces must be whole numbers"),
+        (lambda: triangle(0, 1, 1.5), "faces must be whole numbers"),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
         (
             lambda: Camera((0, -1, 0), field_of_view=200),
