@@ -90,15 +90,15 @@ def _walk(
     layers, bands = k.shape
     if stack.roughness and np.ptp(n):
         raise ValueError("a rough surface over layers of different index is not followed here")
-    lobe = Lobe(rng, stack.roughness, float(n[0]))
+    surface = _Surface(rng, stack.roughness, float(n[0]))
     eye = (
         None
         if views is None
-        else (_RoughEye if stack.roughness else _SmoothEye)(stack, views, rng, lobe)
+        else (_RoughEye if stack.roughness else _SmoothEye)(stack, views, surface)
     )
     score = np.zeros((paths, bands) if views is None else (paths, len(views.cosine), bands))
 
-    direction, weight = _enter(stack, cos_incidence, paths, rng, lobe)
+    direction, weight = surface.enter(cos_incidence, paths)
     index = np.flatnonzero(weight > 0)
     direction = direction[:, index]
     weight = np.repeat(weight[index, None], bands, axis=1)
@@ -141,7 +141,7 @@ def _walk(
 
         if top.size:
             z[top] *= -1.0
-            left, direction[:, top] = _under_surface(stack, direction[:, top], rng, lobe)
+            left, direction[:, top] = surface.under(direction[:, top])
             alive[top] = ~left
             if views is None:
                 score[index[top[left]]] += weight[top[left]]
@@ -168,60 +168,54 @@ def _walk(
     return Tally(paths, score.sum(axis=0), (score**2).sum(axis=0))
 
 
-def _enter(
-    stack: Stack, cos_incidence: float, paths: int, rng: Generator, lobe: Lobe
-) -> tuple[Vectors, np.ndarray]:
-    """Directions of travel below the surface, downwards, and weights."""
-    n = float(stack.refractive_index[0])
-    # Light travels towards +x, so it comes from -x.
-    back = directions(np.full(paths, cos_incidence), np.pi)
-    if stack.roughness:
-        return _through_rough(stack, back, rng, lobe)
-    share, cosine = fresnel(back[2], n)
-    return np.array([*-back[:2] / n, cosine]), 1.0 - share
+class _Surface(Lobe):
+    """The outer surface, through which light enters and leaves."""
 
+    def enter(self, cos_incidence: float, paths: int) -> tuple[Vectors, np.ndarray]:
+        """Directions of travel below the surface, downwards, and weights."""
+        # Light travels towards +x, so it comes from -x.
+        back = directions(np.full(paths, cos_incidence), np.pi)
+        if self._alpha:
+            return self.through_rough(back)
+        share, cosine = fresnel(back[2], self._index)
+        return np.array([*-back[:2] / self._index, cosine]), 1.0 - share
 
-def _through_rough(
-    stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe
-) -> tuple[Vectors, np.ndarray]:
-    """Directions below the surface, third component downwards, that light from ``seen`` in air
-    takes, and weights.
+    def through_rough(self, seen: Vectors) -> tuple[Vectors, np.ndarray]:
+        """Directions below the surface, third component downwards, that light from ``seen`` in air
+        takes, and weights.
 
-    A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air get
-    no weight.
-    """
-    count = seen.shape[1]
-    found = facets(rng.random((2, count)), seen, stack.roughness, float(stack.refractive_index[0]))
-    lost = 1.0 - found.reflects - found.refracts
-    weight = lost + found.refracts
-    drawn = rng.random(count) * weight < lost
-    inside, found.refracted[:, drawn] = lobe.take(int(drawn.sum()))
-    weight[drawn] *= inside
-    return found.refracted, weight
+        A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air
+        get no weight.
+        """
+        count = seen.shape[1]
+        found = facets(self._rng.random((2, count)), seen, self._alpha, self._index)
+        lost = 1.0 - found.reflects - found.refracts
+        weight = lost + found.refracts
+        drawn = self._rng.random(count) * weight < lost
+        inside, found.refracted[:, drawn] = self.take(int(drawn.sum()))
+        weight[drawn] *= inside
+        return found.refracted, weight
 
+    def under(self, seen: Vectors) -> tuple[np.ndarray, Vectors]:
+        """Which of the paths that meet the surface from below leave; directions of the others,
+        downwards.
 
-def _under_surface(
-    stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe
-) -> tuple[np.ndarray, Vectors]:
-    """Which of the paths that meet the surface from below leave; directions of the others,
-    downwards.
-
-    Args:
-        seen: directions of travel, third component upwards.
-    """
-    n, count = float(stack.refractive_index[0]), seen.shape[1]
-    chance = rng.random(count)
-    if not stack.roughness:
-        share, _ = fresnel(seen[2], 1.0 / n)
-        return chance >= share, seen
-    # From the surface one looks back along the path: both horizontal components and the height
-    # change sign, and the side below is the one the direction is on.
-    back = seen * [[-1.0], [-1.0], [1.0]]
-    found = facets(rng.random((2, count)), back, stack.roughness, 1.0 / n)
-    left, drawn = chance >= found.reflects, chance >= found.reflects + found.refracts
-    inside, found.reflected[:, drawn] = lobe.take(int(drawn.sum()))
-    left[drawn] = ~inside
-    return left, found.reflected
+        Args:
+            seen: directions of travel, third component upwards.
+        """
+        count = seen.shape[1]
+        chance = self._rng.random(count)
+        if not self._alpha:
+            share, _ = fresnel(seen[2], 1.0 / self._index)
+            return chance >= share, seen
+        # From the surface one looks back along the path: both horizontal components and the height
+        # change sign, and the side below is the one the direction is on.
+        back = seen * [[-1.0], [-1.0], [1.0]]
+        found = facets(self._rng.random((2, count)), back, self._alpha, 1.0 / self._index)
+        left, drawn = chance >= found.reflects, chance >= found.reflects + found.refracts
+        inside, found.reflected[:, drawn] = self.take(int(drawn.sum()))
+        left[drawn] = ~inside
+        return left, found.reflected
 
 
 class _SmoothEye:
@@ -229,7 +223,7 @@ class _SmoothEye:
     depth.
     """
 
-    def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
+    def __init__(self, stack: Stack, views: Views, surface: _Surface):
         n, extinction = stack.refractive_index, stack.scattering[:, None] + stack.absorption
         layers, bands = extinction.shape
         self.cosine = views.cosine
@@ -291,10 +285,10 @@ class _SmoothEye:
 class _RoughEye:
     """Directions drawn from the eye through the surface anew at each event."""
 
-    def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
+    def __init__(self, stack: Stack, views: Views, surface: _Surface):
         self.cosine = views.cosine
         self._views = directions(views.cosine, np.deg2rad(views.azimuth))
-        self._stack, self._rng, self._lobe = stack, rng, lobe
+        self._stack, self._surface = stack, surface
         self._extinction = stack.scattering[:, None] + stack.absorption
         self._above = np.concatenate(
             [np.zeros((1, self._extinction.shape[1])), np.cumsum(self._extinction, axis=0)]
@@ -304,7 +298,7 @@ class _RoughEye:
         """Directions below the surface as if light came from the view, third component downwards,
         and weights, times all views.
         """
-        back, weight = _through_rough(self._stack, self._views[:, view], self._rng, self._lobe)
+        back, weight = self._surface.through_rough(self._views[:, view])
         back[2] = np.maximum(back[2], 1e-12)
         return back, weight * len(self.cosine) / self._stack.refractive_index[0] ** 2
 
