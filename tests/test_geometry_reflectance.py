@@ -144,9 +144,8 @@ def test_slopes_are_those_of_finite_differences(geometry):
     check_slopes(jax.jit(mean), point, eps=1e-4, rtol=1e-5, atol=1e-8)
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("glaze", [Bidirectional(45, 0), [], "CobaltBlue"])
-def test_what_is_no_glaze_is_refused(glaze):
+def test_what_is_no_glaze_is_refused(unchecked, glaze):
     with refusal(r"glaze must be a Glaze, not .*: write Glaze\(", TypeError):
         reflectance(glaze, Bidirectional(45, 0))
     with refusal("glaze must be a Glaze", TypeError):

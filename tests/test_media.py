@@ -167,7 +167,6 @@ def test_wrong_glaze(ground, index, complaint):
         Glaze([Layer(RED, 1e-5)], ground, index)
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("build", "complaint"),
     [
@@ -180,7 +179,7 @@ def test_wrong_glaze(ground, index, complaint):
         (lambda: Mixture(["red", "blue"], [0.5, 0.5]), "a mixture is of Pigments, not of 'red'"),  # pyright: ignore
     ],
 )
-def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
+def test_what_is_no_paint_or_number_is_said_in_words(unchecked, build, complaint):
     with refusal(complaint):
         build()
 

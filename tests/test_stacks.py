@@ -205,8 +205,7 @@ def test_a_glaze_over_both_sides_of_a_card(tmp_path):
     assert_allclose(grounds, [WHITE, BLACK])
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_a_card_has_two_sides(tmp_path):
+def test_a_card_has_two_sides(unchecked, tmp_path):
     (tmp_path / "s.json").write_text(json.dumps(GIVEN))
     with refusal("side is 'grey'"):
         load_glaze(tmp_path / "s.json", side="grey")  # pyright: ignore[reportArgumentType]

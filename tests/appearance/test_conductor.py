@@ -18,8 +18,7 @@ from .scenes import GRID
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("unchecked")
-def test_metals_reflect_as_the_estimate_says():
+def test_metals_reflect_as_the_estimate_says(unchecked):
     n, k = np.linspace(0.2, 1.2, GRID.size), np.linspace(3.5, 2.4, GRID.size)
     cosine = jnp.array([1.0, 0.5, 0.1])
     c, normal = np.array(cosine)[:, None], conductor_reflectance(1.0, n, k)

@@ -80,8 +80,7 @@ def test_srgb_against_colour_science():
     assert largest_difference(found, expected) < 0.01
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_gamut_is_named():
+def test_gamut_is_named(unchecked):
     display = Display.preset("sRGB")
     inside, saturated, bright = [0.3, 0.3, 0.3], [0.1, 0.4, 0.02], [1.5, 1.6, 1.7]
     xyz = np.array([inside, saturated, bright])

@@ -336,8 +336,7 @@ def test_wrong_options_are_one_sentence(here, words, complaint):
         ),
     ],
 )
-@pytest.mark.usefixtures("here")
-def test_without_a_terminal_lines_say_how_far_an_export_is(monkeypatch, words, stages):
+def test_without_a_terminal_lines_say_how_far_an_export_is(here, monkeypatch, words, stages):
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
     np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
     done = export("Eosin:3um", "--tolerance", "0.01", *words)

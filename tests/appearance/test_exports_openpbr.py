@@ -297,7 +297,6 @@ def test_a_fit_says_how_much_its_space_cannot_hold(truth):
         ),
     ],
 )
-@pytest.mark.usefixtures("unchecked")
-def test_what_cannot_be_meant_is_refused(call, words):
+def test_what_cannot_be_meant_is_refused(unchecked, call, words):
     with pytest.raises(ValueError, match=words):
         call()

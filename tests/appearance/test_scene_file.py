@@ -403,8 +403,7 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path):
         ("none.toml --samples 9", "--samples belongs to --renderer mitsuba"),
     ],
 )
-@pytest.mark.usefixtures("here")
-def test_what_the_command_refuses(arguments, words):
+def test_what_the_command_refuses(here, arguments, words):
     assert words in str(run(*arguments.split()).exception)
 
 

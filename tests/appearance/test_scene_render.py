@@ -355,7 +355,6 @@ def triangle(*corners):
     return Mesh("m", np.eye(3), np.array([corners]))
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -379,6 +378,6 @@ def triangle(*corners):
         ),
     ],
 )
-def test_things_that_cannot_be(make, words):
+def test_things_that_cannot_be(unchecked, make, words):
     with refusal(words):
         make()

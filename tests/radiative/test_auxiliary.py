@@ -309,7 +309,6 @@ def test_own_steps_compile_without_lapack():
     assert not lapack_calls(lambda *given: solve(*given, (), settings), batch, jnp.full(1, 8))
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -334,7 +333,7 @@ def test_own_steps_compile_without_lapack():
         ({"variant": "decomposed", "segments": 100}, "needs 200 segments"),
     ],
 )
-def test_bad_input_says_what_and_how_to_mend(change, message):
+def test_bad_input_says_what_and_how_to_mend(unchecked, change, message):
     with refusal(message):
         reflectance_factor(**(TWO_LAYERS | change))
 

@@ -65,8 +65,7 @@ def test_field_meets_the_outside(solution):
     assert np.all(np.diff(field.flux_down - field.flux_up) < 0)
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_errors_name_the_value():
+def test_errors_name_the_value(unchecked):
     with refusal("depth holds 2"):
         manyflux_field([0.5], [1.0], 0.3, depth=[2.0], cos_direction=[0.5])
     with refusal(r"the field is that of one stack; here are \(2,\)"):

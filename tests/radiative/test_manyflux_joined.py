@@ -260,8 +260,7 @@ def test_slopes_between_media():
     assert finite(jax.jit(jax.grad(value))(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0])))
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_errors_name_the_value():
+def test_errors_name_the_value(unchecked):
     with refusal("refractive_index has 3 values"):
         manyflux_diffuse_reflectance([0.5], [1.0], 0.3, refractive_index=(1.5, 1.4, 1.3))
     with refusal(r"refractive_index holds 0\.9"):

@@ -102,7 +102,6 @@ def test_gradients_under_jit():
     check_slopes(jax.jit(f), (k, 1.0), eps=1e-3, rtol=1e-3, atol=1e-8)
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -119,7 +118,7 @@ def test_gradients_under_jit():
         ({"tolerance": 0.0}, "tolerance is 0"),
     ],
 )
-def test_bad_input_says_what_and_how_to_mend(change, message):
+def test_bad_input_says_what_and_how_to_mend(unchecked, change, message):
     given = {
         "absorption": [1e4, 2e4],
         "scattering": [1e4, 2e4],

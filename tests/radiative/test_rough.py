@@ -228,7 +228,6 @@ def test_single_precision_is_as_good_as_it_can_be():
     assert largest_difference(single, exact) < 3e-5
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -242,7 +241,7 @@ def test_single_precision_is_as_good_as_it_can_be():
         ({"tolerance": 0.0}, "tolerance is 0.0"),
     ],
 )
-def test_bad_input_is_one_clear_sentence(change, words):
+def test_bad_input_is_one_clear_sentence(unchecked, change, words):
     arguments = {
         "albedo": [0.5],
         "optical_thickness": [1.0],
@@ -253,8 +252,7 @@ def test_bad_input_is_one_clear_sentence(change, words):
         rough_reflectance_factor(**arguments)
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_what_must_be_known_is_not_traced():
+def test_what_must_be_known_is_not_traced(unchecked):
     with refusal("roughness must be one known number"):
         jax.jit(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
     with refusal("refractive_index is traced"):

@@ -218,7 +218,6 @@ def test_memory_stays_bounded():
     assert float(run_python(_MEMORY, timeout=240).stdout) < 600
 
 
-@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -246,7 +245,7 @@ def test_memory_stays_bounded():
         ({"substrate_reflectance": [0.1] * 3, "cos_viewing": [0.5] * 2}, "do not broadcast"),
     ],
 )
-def test_bad_input_says_what_and_how_to_mend(change, message):
+def test_bad_input_says_what_and_how_to_mend(unchecked, change, message):
     with refusal(message):
         stack_reflectance_factor(**(TWO_LAYERS | change))
 
@@ -337,8 +336,7 @@ def test_what_rounding_leaves_grows_with_the_depth_that_light_reaches():
     assert not jax.jit(lambda q: jnp.asarray(said(q, [1e9])))(jnp.ones(1)).size
 
 
-@pytest.mark.usefixtures("unchecked")
-def test_a_traced_tolerance_is_told_to_be_static():
+def test_a_traced_tolerance_is_told_to_be_static(unchecked):
     def seen(tolerance):
         return stack_reflectance_factor([0.5], [1.0], 0.5, tolerance=tolerance)
 
