@@ -149,8 +149,7 @@ def test_the_python_of_a_page_runs(name, tmp_path):
     """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes;
     tests/appearance has its like.
     """
-    code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
-    run_python(code, cwd=tmp_path)
+    run_python("\n".join(blocks(DOCS / f"{name}.md", "python")), cwd=tmp_path)
 
 
 def test_help_names_types_and_does_not_spell_them_out():

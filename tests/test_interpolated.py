@@ -130,8 +130,7 @@ def test_float32_is_the_same_to_rounding(table):
 
 
 def test_traced_values_outside_are_moved_to_the_end_with_its_slope(table):
-    inside = jax.jit(table)(40e-6, 0.5)
-    assert_array_equal(jax.jit(table)(50e-6, 0.5), inside)
+    assert_array_equal(jax.jit(table)(50e-6, 0.5), jax.jit(table)(40e-6, 0.5))
     assert np.isnan(jax.jit(table)(jnp.nan, 0.5)).all()
     assert float(jax.jit(jax.grad(lambda x: table(x, 0.3)[0]))(60e-6)) == 0.0
 

@@ -69,8 +69,7 @@ def test_resampling_keeps_the_phase():
 def test_reflectance_is_the_many_flux_one():
     """A phase function is followed, in its azimuth too; without one all stays as it was."""
     glaze = Glaze([Layer(FORWARD, 3e-6)], 0.4)
-    geometry = Bidirectional(45.0, 30.0, azimuth=180.0)
-    found = reflectance(glaze, geometry, tolerance=1e-3)
+    found = reflectance(glaze, Bidirectional(45.0, 30.0, azimuth=180.0), tolerance=1e-3)
     expected = manyflux_reflectance_factor(
         glaze.albedo,
         glaze.optical_thickness,

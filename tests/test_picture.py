@@ -71,8 +71,7 @@ def test_full_picture_is_that_of_each_glaze(paints, maps):
 
 @pytest.mark.slow
 def test_map_of_the_ground_and_a_constant_layer(paints, maps):
-    rng = np.random.default_rng(1)
-    ground = rng.uniform(0.1, 0.9, SIZE)
+    ground = np.random.default_rng(1).uniform(0.1, 0.9, SIZE)
     fast = picture(paints, [maps[0], 3e-6], ground, delta_e=0.5)
     full = picture(paints, [maps[0], np.full(SIZE, 3e-6)], ground, full=True)
     assert "interpolated" in fast.report

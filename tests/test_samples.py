@@ -54,8 +54,7 @@ def test_unknown_files_are_refused():
 
 def test_a_command_line_is_told_where_they_are():
     code = "import runpy; runpy.run_module('glazejax.samples', run_name='__main__')"
-    said = run_python(code, "recipes")
-    assert Path(said.stdout.strip()) == samples.path("recipes")
+    assert Path(run_python(code, "recipes").stdout.strip()) == samples.path("recipes")
     wrong = run_python(code, "x", status=1)
     assert wrong.stderr.strip() == "there are no samples 'x'; choose from films, recipes"
 

@@ -75,9 +75,8 @@ def test_srgb_against_colour_science():
     space = colour.RGB_COLOURSPACES["sRGB"].copy()
     space.use_derived_transformation_matrices(True)  # those of the standard are rounded
     expected = 255 * colour.XYZ_to_RGB(xyz, space, apply_cctf_encoding=True)
-    found = display.encode(display.linear(xyz))
     # Straight lines between levels against the formula.
-    assert largest_difference(found, expected) < 0.01
+    assert largest_difference(display.encode(display.linear(xyz)), expected) < 0.01
 
 
 def test_gamut_is_named(unchecked):
@@ -158,8 +157,7 @@ def test_looking_up_is_as_near_as_levels_allow():
     tables are coarse.
     """
     display = Display.paper_monitor()
-    rng = np.random.default_rng(5)
-    wanted = display.to_xyz(rng.uniform(5, 60, (2000, 3)))
+    wanted = display.to_xyz(np.random.default_rng(5).uniform(5, 60, (2000, 3)))
 
     def missed(found, xyz):
         return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb) - xyz))).max()

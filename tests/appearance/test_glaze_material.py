@@ -137,8 +137,7 @@ def test_through_jit_vmap_and_slopes(deep):
     plain = deep.reflectance_factor(COS_IN, COS_OUT, depths)
     arrays = (jnp.asarray(COS_IN), jnp.asarray(COS_OUT), jnp.asarray(depths))
     assert_allclose(jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12)
-    one = jax.vmap(deep.reflectance_factor)(*arrays)
-    assert_allclose(one, plain, atol=1e-12)
+    assert_allclose(jax.vmap(deep.reflectance_factor)(*arrays), plain, atol=1e-12)
 
     def total(a, b, d):
         return jnp.sum(deep.reflectance_factor(a, b, d * 1e-6))

@@ -210,8 +210,7 @@ def test_the_mirror_and_the_body_are_drawn_by_their_albedos(mitsuba, blue):
         assert mitsuba.has_flag(body.sampled_type, flags.DiffuseReflection)
         value = np.array(blue.eval(mitsuba.BSDFContext(), si, body.wo))
         assert_allclose(np.array(weight), value / body.pdf, rtol=1e-5)
-    matt = loaded(mitsuba, coats=BLUE, gloss=False)
-    assert matt.component_count() == 1
+    assert loaded(mitsuba, coats=BLUE, gloss=False).component_count() == 1
 
 
 def albedo(mi, bsdf, cosine):

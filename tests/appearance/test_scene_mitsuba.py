@@ -74,9 +74,8 @@ def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
     light = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 50.0)
     camera = Camera((3.0, 0.0, 3.0), (0.0, 0.0, 0.0), field_of_view=0.5)
     found = luminance(made(GROUND, GREY, [light], camera))
-    expected = 0.5 * 50.0 * (0.3 / 3.0) ** 2
     # Y = 1 is light at all wavelengths that the eye sees; the bands end at 400 and 700 nm.
-    assert_allclose(found.mean(), expected, rtol=4e-3)
+    assert_allclose(found.mean(), 0.5 * 50.0 * (0.3 / 3.0) ** 2, rtol=4e-3)
 
 
 def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
@@ -141,8 +140,7 @@ def test_noise_is_what_seeds_differ_by(mi):
     found = [path_trace(scene, samples=64, seed=seed) for seed in range(8)]
     pictures = np.stack([f.values[..., 1] for f in found])
     spread = np.sqrt(pictures.var(axis=0, ddof=1).mean()) / pictures.mean()
-    said = np.mean([f.report.pixel_noise for f in found])
-    assert 0.6 < said / spread < 1.6
+    assert 0.6 < np.mean([f.report.pixel_noise for f in found]) / spread < 1.6
     assert_array_equal(path_trace(scene, samples=64, seed=3).values, found[3].values)
     words = found[0].report.describe()
     assert f"{found[0].report.samples} of each pixel" in words
@@ -309,10 +307,8 @@ def test_meshes_keep_their_coordinates(tmp_path):
     assert_allclose(np.asarray(mesh.uv).reshape(3, 4, 2)[0, -1], [1.0, 1.0])
     points = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
     assert (np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2] > 0).all()
-    found = write_ply(tmp_path / "m.ply", mesh)
-    assert found["type"] == "ply"
-    trimesh = pytest.importorskip("trimesh")
-    again = trimesh.load(tmp_path / "m.ply", process=False)
+    assert write_ply(tmp_path / "m.ply", mesh)["type"] == "ply"
+    again = pytest.importorskip("trimesh").load(tmp_path / "m.ply", process=False)
     assert_allclose(again.vertices, mesh.vertices, rtol=1e-6)
     assert_array_equal(again.faces, mesh.faces)
 

@@ -219,18 +219,12 @@ def test_a_thick_white_stack_is_no_nan_beside_unused_segments(settings):
     assert sum(parts) == pytest.approx(float(stack_reflectance_factor(q, d, 1.0)), abs=0.1)
 
 
-SLOPE_THICKNESS = np.array(
-    [[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]]
-)
-SLOPE_ALBEDO = np.array([[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]])
-
-
 @pytest.mark.slow
 def test_gradients():
     step = 0.08
-    arguments = tuple(
-        map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5]))
-    )
+    q = [[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]]
+    d = [[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]]
+    arguments = tuple(map(jnp.asarray, (q, d, GROUND[:5], INCIDENCE[:5], VIEWING[:5])))
 
     def total(*stack):
         *layers, light, view = stack

@@ -85,8 +85,7 @@ def test_threads_share_one_program(double):
         return 2 * batch
 
     with jax.enable_x64(double):
-        found = on_all_cores(counted, jnp.ones(10), least=1)
-        assert_array_equal(found, 2)
+        assert_array_equal(on_all_cores(counted, jnp.ones(10), least=1), 2)
         assert traced == [jnp.result_type(float)]
 
 

@@ -39,8 +39,7 @@ def integrals(q, lam, zeta, depth, a, b, mirrored):
 
     def rise(part):
         """The mode that is zero at one face and one at the other."""
-        whole = sinhc(depth)
-        return part * sinhc(part * depth) / whole
+        return part * sinhc(part * depth) / sinhc(depth)
 
     def beam(rate, t):
         return jnp.exp(-rate * (depth - t if mirrored else t))

@@ -35,8 +35,7 @@ COSINE = jnp.array([0.8, -0.5, 0.0, 0.9, 0.7, 0.3, 0.5, 0.8])
 
 @pytest.mark.parametrize("n", [1, 2, 7, 16])
 def test_eigenvectors(n):
-    rng = np.random.default_rng(n)
-    a = rng.normal(size=(3, n, n))
+    a = np.random.default_rng(n).normal(size=(3, n, n))
     values, vectors = symmetric_eigen(jnp.asarray(a + np.swapaxes(a, -1, -2)))
     assert_allclose(values, np.linalg.eigvalsh(a + np.swapaxes(a, -1, -2)), atol=1e-13)
     assert_allclose(
@@ -49,8 +48,7 @@ def test_eigenvectors(n):
 def test_small_eigenvalues_keep_their_digits():
     """A matrix of very unequal scales, whose eigenvalues are known."""
     scale = 10.0 ** -np.arange(6)
-    rng = np.random.default_rng(0)
-    basis = np.eye(6) + 1e-3 * rng.normal(size=(6, 6))
+    basis = np.eye(6) + 1e-3 * np.random.default_rng(0).normal(size=(6, 6))
     a = scale[:, None] * (basis @ basis.T) * scale
     values, _ = symmetric_eigen(jnp.asarray(a))
     # The product of all of them, exact in relative terms.
@@ -164,8 +162,7 @@ def test_nothing_is_left_that_can_hang(solution):
 
 
 def test_inverses_and_their_slopes():
-    rng = np.random.default_rng(0)
-    a = rng.normal(size=(3, 9, 9))
+    a = np.random.default_rng(0).normal(size=(3, 9, 9))
     a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
     for function in (inverse, inverse_symmetric):
         assert_allclose(jax.jit(function)(a), np.linalg.inv(a), atol=ROUNDING)

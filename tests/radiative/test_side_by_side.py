@@ -44,5 +44,4 @@ def test_a_quotient_has_the_slopes_of_a_division():
     b = jnp.array([4.0, -0.5, 1e3])
     changes = jnp.array([0.3, -2.0, 5.0]), jnp.array([1.0, 0.7, -40.0])
     found = jax.jvp(quotient, (a, b), changes)
-    expected = jax.jvp(jnp.divide, (a, b), changes)
-    assert_allclose(found, expected, rtol=LAST_DIGITS)
+    assert_allclose(found, jax.jvp(jnp.divide, (a, b), changes), rtol=LAST_DIGITS)

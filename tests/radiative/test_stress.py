@@ -117,8 +117,7 @@ def test_errors_stay_below_the_tolerance_for_an_array_of_indices():
 @pytest.mark.single
 @pytest.mark.parametrize("method", ["ordinates", "manyflux"])
 def test_two_hundred_layers_of_one_paint_are_one_layer(method):
-    rng = np.random.default_rng(1)
-    parts = rng.dirichlet(np.ones(200), 6)
+    parts = np.random.default_rng(1).dirichlet(np.ones(200), 6)
     depth = np.array([1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0])
     albedo = np.array([0.3, 0.9, 0.99, 0.5, 0.9, 0.8])
     given = {"cos_incidence": 0.7, "cos_viewing": 0.3, "method": method, "tolerance": 1e-4}
