@@ -32,7 +32,7 @@ class Cases(NamedTuple):
 
     albedo: np.ndarray
     optical_thickness: np.ndarray
-    ground: np.ndarray
+    substrate_reflectance: np.ndarray
     cos_incidence: np.ndarray
     cos_viewing: np.ndarray
     reflectance_factor: np.ndarray
@@ -42,19 +42,18 @@ class Cases(NamedTuple):
 
 def reference_cases() -> dict[float, Cases]:
     """The reference values by refractive index."""
-    by_index: dict[float, list[dict]] = {}
-    for entry in isotropic_stacks():
-        by_index.setdefault(entry["refractive_index"], []).append(entry)
+    stacks = isotropic_stacks()
 
-    def column(group: list[dict], key: str) -> np.ndarray:
-        values = [entry["substrate_reflectance" if key == "ground" else key] for entry in group]
+    def column(key: str) -> np.ndarray:
+        values = [stack[key] for stack in stacks]
         if isinstance(values[0], list):
             values = [layers + [0.0] * (LAYERS - len(layers)) for layers in values]
         return np.array(values)
 
+    columns, indices = [column(key) for key in Cases._fields], column("refractive_index")
     return {
-        index: Cases(*(column(group, key) for key in Cases._fields))
-        for index, group in by_index.items()
+        index: Cases(*(values[indices == index] for values in columns))
+        for index in np.unique(indices).tolist()
     }
 
 

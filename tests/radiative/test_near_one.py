@@ -45,9 +45,8 @@ def solved(stacks: ordinates.StackArrays, index, directions):
 
 
 def worst(stacks, index, directions, truth):
-    return float(
-        jnp.max(jnp.abs(solved(stacks, index, jax.tree.map(jnp.asarray, directions)) - truth))
-    )
+    found = solved(stacks, index, jax.tree.map(jnp.asarray, directions))
+    return largest_difference(found, truth)
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ def test_a_little_roughness_changes_little():
     cosines = {"cos_incidence": COSINES[::-1], "cos_viewing": COSINES, "tolerance": 1e-4}
     smooth = gj.stack_reflectance_factor(*STACKS, **cosines)
     steps = [
-        np.max(np.abs(rough_reflectance_factor(*STACKS, roughness=a, **cosines) - smooth))
+        largest_difference(rough_reflectance_factor(*STACKS, roughness=a, **cosines), smooth)
         for a in (0.03, 0.003, 3e-4)
     ]
     # At these angles it changes as the square of the roughness and, at the critical angle, faster;

@@ -54,7 +54,12 @@ def test_reference_values_within_the_tolerance(method, tolerance, index):
     kept = np.all(c.optical_thickness[:, layers:] == 0, axis=1)
     tolerance = within_reach(tolerance)
     options: dict = {"refractive_index": index, "tolerance": tolerance, "method": method}
-    stack = c.albedo[:, :layers], c.optical_thickness[:, :layers], c.ground, c.cos_incidence
+    stack = (
+        c.albedo[:, :layers],
+        c.optical_thickness[:, :layers],
+        c.substrate_reflectance,
+        c.cos_incidence,
+    )
     least = (tolerance + c.uncertainty)[kept]
     for values, exact in (
         (factor(*stack, c.cos_viewing, **options), c.reflectance_factor),
@@ -69,7 +74,7 @@ def test_reference_values_within_the_tolerance(method, tolerance, index):
 def test_split_adds_up_and_agrees_between_methods(hemispherical):
     c = reference_cases()[1.5]
     thin = np.sum(c.optical_thickness > 0, axis=1) <= 2
-    stack = c.albedo[thin, :2], c.optical_thickness[thin, :2], c.ground[thin]
+    stack = c.albedo[thin, :2], c.optical_thickness[thin, :2], c.substrate_reflectance[thin]
     given: dict = {"cos_incidence": c.cos_incidence[thin], "tolerance": 1e-4}
     if not hemispherical:
         given["cos_viewing"] = c.cos_viewing[thin]
