@@ -12,7 +12,9 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
 from importlib import import_module
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -109,9 +111,9 @@ def damaged_files(draw: st.DrawFn, subjects: dict[str, Subject]) -> tuple[str, b
     # Hypothesis' own draws are simpler than chance, and find fewer faults.
     chance = draw(st.randoms(use_true_random=True))
     content = subjects[kind].content
-    others = [subject.content for subject in subjects.values()]
+    damages = (*_DAMAGES, partial(_splice, [subject.content for subject in subjects.values()]))
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        content = chance.choice(_DAMAGES)(content, others, chance)
+        content = chance.choice(damages)(content, chance)
     return kind, content
 
 
@@ -198,27 +200,17 @@ def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
     return True
 
 
-class _Log(logging.Handler):
-    """What is logged meanwhile."""
-
-    def __init__(self, level: int):
-        super().__init__(level)
-        self.records: list[logging.LogRecord] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.records.append(record)
-
-
 @contextmanager
 def _no_log() -> Iterator[None]:
     """What a library logs as a warning is a line that users see, and a fault here."""
-    handler = _Log(logging.WARNING)
+    handler = BufferingHandler(sys.maxsize)
+    handler.setLevel(logging.WARNING)
     logging.getLogger().addHandler(handler)
     try:
         yield
     finally:
         logging.getLogger().removeHandler(handler)
-        for record in handler.records:
+        for record in handler.buffer:
             raise Fault(f"log of {record.name}: {record.getMessage()}")
 
 
@@ -252,7 +244,7 @@ def _check_table(table: SpectraTable) -> None:
         raise Fault(f"notes that cannot be printed: {table.notes!r}")
 
 
-def _flip(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _flip(content: bytes, chance: random.Random) -> bytes:
     changed = bytearray(content)
     for _ in range(chance.choice((1, 1, 2, 8))):
         if changed:
@@ -265,12 +257,12 @@ def _flip(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
     return bytes(changed)
 
 
-def _cut(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _cut(content: bytes, chance: random.Random) -> bytes:
     start, end = sorted(chance.randrange(len(content) + 1) for _ in range(2))
     return chance.choice((content[:end], content[start:], content[:start] + content[end:]))
 
 
-def _insert(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _insert(content: bytes, chance: random.Random) -> bytes:
     at = chance.randrange(len(content) + 1)
     start, end = sorted(chance.randrange(len(content) + 1) for _ in range(2))
     piece = chance.choice(
@@ -283,7 +275,7 @@ def _word(chance: random.Random) -> bytes:
     return chance.choice(WORDS).encode()
 
 
-def _swap(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _swap(content: bytes, chance: random.Random) -> bytes:
     """Two fields, or two lines, change places."""
     parts = re.split(chance.choice((rb"(\n)", rb"([,;\t ]+)", rb"(\W+)")), content)
     if len(parts) > 2:
@@ -292,7 +284,7 @@ def _swap(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
     return b"".join(parts)
 
 
-def _number(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _number(content: bytes, chance: random.Random) -> bytes:
     """A number, of the header more often than not, becomes another."""
     found = list(re.finditer(rb"-?\d+(?:\.\d+)?", content))
     if not found:
@@ -303,7 +295,7 @@ def _number(content: bytes, others: list[bytes], chance: random.Random) -> bytes
     return content[: match.start()] + word + content[match.end() :]
 
 
-def _field(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _field(content: bytes, chance: random.Random) -> bytes:
     """Bytes that may be a binary number become another."""
     kind = chance.choice(("<b", "<h", "<H", "<i", "<f", "<d", ">i", ">d"))
     numbers = (0, 1, -1, 127, 255, 32767, 65535, 2**31 - 1, np.nan, np.inf, 1e30, -1e30)
@@ -316,22 +308,22 @@ def _field(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
     return content[:at] + packed + content[at + len(packed) :]
 
 
-def _splice(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _splice(others: list[bytes], content: bytes, chance: random.Random) -> bytes:
     """The beginning of one file and the end of another."""
     other = chance.choice(others)
     return content[: chance.randrange(len(content) + 1)] + other[chance.randrange(len(other) + 1) :]
 
 
-def _repeat(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+def _repeat(content: bytes, chance: random.Random) -> bytes:
     """A piece many times over, up to a megabyte."""
     if chance.random() < 0.8 or not content:
-        return _number(content, others, chance)
+        return _number(content, chance)
     start = chance.randrange(len(content))
     piece = content[start : start + chance.choice((1, 3, 30, 1000))]
     return content[:start] + piece * (chance.randrange(1 << 20) // len(piece)) + content[start:]
 
 
-_DAMAGES = (_flip, _flip, _cut, _insert, _swap, _swap, _number, _number, _field, _splice, _repeat)
+_DAMAGES = (_flip, _flip, _cut, _insert, _swap, _swap, _number, _number, _field, _repeat)
 
 
 def subjects() -> dict[str, Subject]:

@@ -144,17 +144,16 @@ def jcamp_block(
         rows = "".join(f"{x:.9g} {y:.9g}\n" for x, y in zip(grid, values, strict=True))
         return f"{head}##XYPOINTS=(XY..XY)\n{rows}##END=\n"
     factor = 1e-6
+    numbers = [round(y / factor) for y in values]
     rows = ""
     if form == "DIFDUP":
-        numbers = [round(y / factor) for y in values]
         for i in range(0, len(numbers) - 1, 10):
             # A line of differences repeats the last ordinate of the line above.
             rows += f"{grid[i]:g}{_packed(numbers[i], '@ABCDEFGHI', 'abcdefghi')}"
             rows += _differences(np.diff(numbers[i : i + 11]).tolist()) + "\n"
-        return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
-    for i in range(0, len(grid), 3):
-        numbers = " ".join(str(round(y / factor)) for y in values[i : i + 3])
-        rows += f"{grid[i]:g} {numbers}\n"
+    else:
+        for i in range(0, len(grid), 3):
+            rows += lines([[f"{grid[i]:g}", *numbers[i : i + 3]]], " ")
     return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
 
 
