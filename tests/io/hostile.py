@@ -39,6 +39,7 @@ from .samples import (
     envi_header,
     jcamp_block,
     lines,
+    old_workbook,
     spectra,
 )
 
@@ -346,7 +347,6 @@ def subjects() -> dict[str, Subject]:
         ENVI
         | {
             "samples": 4,
-            "lines": 3,
             "bands": 31,
             "file type": "ENVI Standard",
             "data type": 12,
@@ -396,13 +396,13 @@ def subjects() -> dict[str, Subject]:
             "lib.hdr", library, beside={"lib.sli": numbers}, counts=_envi_counts
         ),
         "ENVI library, data": Subject(
-            "lib.sli", numbers, beside={"lib.hdr": library}, counts=_fixed(3, 31)
+            "lib.sli", numbers, beside={"lib.hdr": library}, counts=_fixed(3)
         ),
         "ENVI image, header": Subject(
             "cube.hdr", image, beside={"cube.img": pixels}, counts=_envi_counts
         ),
         "ENVI image, data": Subject(
-            "cube.img", pixels, beside={"cube.hdr": image}, counts=_fixed(12, 31)
+            "cube.img", pixels, beside={"cube.hdr": image}, counts=_fixed(12)
         ),
         "pigments": Subject(
             "pigments.csv", PIGMENTS + lines(pigments), read_pigments, counts=_pigments
@@ -469,26 +469,19 @@ def _spectramagic() -> str:
 
 def _workbooks() -> dict[str, Subject]:
     """Workbooks, where the packages that write them are installed."""
+    rows = [["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()]]
     try:
-        openpyxl = import_module("openpyxl")
-        xlwt = import_module("xlwt")
+        book = import_module("openpyxl").Workbook()
+        old = old_workbook({"Films": rows})
     except ImportError:
         return {}
-    book = openpyxl.Workbook()
-    old = xlwt.Workbook()
-    sheet = old.add_sheet("Films")
-    rows = (["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()])
-    for y, row in enumerate(rows):
+    for row in rows:
         book.active.append(row)
-        for x, cell in enumerate(row):
-            sheet.write(y, x, cell)
     file = io.BytesIO()
     book.save(file)
-    old_file = io.BytesIO()
-    old.save(old_file)
     return {
-        "workbook": Subject("films.xlsx", file.getvalue(), read_spectra),
-        "old workbook": Subject("films.xls", old_file.getvalue(), read_spectra),
+        "workbook": Subject("films.xlsx", file.getvalue()),
+        "old workbook": Subject("films.xls", old),
     }
 
 
@@ -500,27 +493,28 @@ def _png() -> bytes:
     return file.getvalue()
 
 
-def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
+def _fixed(rows: int) -> Callable[[bytes, Any], str]:
     """Data beside a header that was not damaged; pixels without data may be left out."""
 
     def counts(content: bytes, found: Any) -> str:
-        right = "ENVI" not in found.format or (
-            found.wavelengths.size == bands and len(found) == rows
-        )
-        told = any("left out" in note for note in getattr(found, "notes", ()))
-        return (
-            "" if right or told else f"{found!r} where the header declares {rows} of {bands} bands"
-        )
+        right = "ENVI" not in found.format or found.reflectance.shape == (rows, GRID.size)
+        told = any("left out" in note for note in found.notes)
+        return "" if right or told else f"{found!r} where the header declares {rows} of 31 bands"
 
     return counts
 
 
+def _note_numbers(found: Any, words: str) -> list[int]:
+    """Numbers of the notes that begin with these words."""
+    matches = [re.match(words, note) for note in found.notes]
+    return [int(match[1]) for match in matches if match]
+
+
 def _lines(content: bytes, found: Any) -> str:
     text = content.decode("utf-8-sig", "replace")
-    said = [re.match(r"(?:line )?(\d+) .*not read", note) for note in found.notes]
-    above = next((int(match[1]) for match in said if match), 0)
-    ends = [re.match(r"the table ends above line (\d+)", note) for note in found.notes]
-    below = next((int(match[1]) - 1 for match in ends if match), None)
+    above = next(iter(_note_numbers(found, r"(?:line )?(\d+) .*not read")), 0)
+    ends = _note_numbers(found, r"the table ends above line (\d+)")
+    below = ends[0] - 1 if ends else None
     # Which bands are left out where detectors overlap, or data are missing, other tests say.
     if any(note.startswith(("detectors overlap", "values below")) for note in found.notes):
         return ""
@@ -537,8 +531,7 @@ def _lines(content: bytes, found: Any) -> str:
     kinds = next((note for note in found.notes if note.startswith("each line gives a")), "")
     wanted /= max(kinds.count("NAME "), 1)
     # A spectrometer's noise at the ends is left out, as a note says.
-    ends = [re.match(r"(\d+) bands at the ends are left out", note) for note in found.notes]
-    wanted += sum(int(match[1]) for match in ends if match)
+    wanted += sum(_note_numbers(found, r"(\d+) bands at the ends are left out"))
     titled = " table, " in found.format
     # A damage may have made it a file of another format.
     counted = titled or "columns of numbers" in found.format

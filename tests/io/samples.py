@@ -1,5 +1,6 @@
 """Spectra that tests write and read, files of every format, and strategies that make them."""
 
+import io
 import struct
 from typing import Any
 
@@ -103,6 +104,21 @@ def lines(rows, by=","):
 def rows(*columns, by=",", grid: Any = GRID):
     """Rows of a table whose first column is the wavelength."""
     return lines(zip(grid, *columns, strict=True), by)
+
+
+def old_workbook(sheets):
+    """Content of an .xls file of rows by sheet."""
+    import xlwt
+
+    book = xlwt.Workbook()
+    for name, rows in sheets.items():
+        sheet = book.add_sheet(name)
+        for y, row in enumerate(rows):
+            for x, cell in enumerate(row):
+                sheet.write(y, x, cell if isinstance(cell, str) else float(cell))
+    file = io.BytesIO()
+    book.save(file)
+    return file.getvalue()
 
 
 def envi_header(fields):

@@ -12,10 +12,10 @@ import pytest
 from glazejax.io import read_sample, read_spectra
 
 from ..refusals import refusal
-from .samples import GRID, refused, same, spectra
+from .samples import GRID, old_workbook, refused, same, spectra
 
 openpyxl = pytest.importorskip("openpyxl")
-xlwt = pytest.importorskip("xlwt")
+pytest.importorskip("xlwt")
 R = spectra(2)
 
 
@@ -108,21 +108,9 @@ def test_old_workbooks_and_those_of_libreoffice_are_read(tmp_path, ending):
         "Notes": [["measured by", "A"]],
         "Films": [["Name", *GRID], ["7", *R[0]], ["red & light", *R[1]]],
     }
-    path.write_bytes((_xls if ending == ".xls" else _ods)(sheets))
+    path.write_bytes((old_workbook if ending == ".xls" else _ods)(sheets))
     same(read_spectra(f"{path}:Films"), GRID, R, ["7", "red & light"], atol=1e-12)
     refused(path, "no sheet 'Film'; there are Films", lambda _: read_spectra(f"{path}:Film"))
-
-
-def _xls(sheets):
-    book = xlwt.Workbook()
-    for name, rows in sheets.items():
-        sheet = book.add_sheet(name)
-        for y, row in enumerate(rows):
-            for x, cell in enumerate(row):
-                sheet.write(y, x, cell if isinstance(cell, str) else float(cell))
-    file = io.BytesIO()
-    book.save(file)
-    return file.getvalue()
 
 
 def _ods(sheets):
