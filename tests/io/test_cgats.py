@@ -6,6 +6,7 @@ from .samples import CGATS as PLAIN
 from .samples import refused, same
 
 GRID, VALUES = [400, 410, 420], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
+NAMES = ["red, light", "blue"]
 
 
 FILE = "chart.txt"
@@ -27,12 +28,19 @@ FILE = "chart.txt"
 )
 def test_ways_to_name_bands(read, text):
     table = read(text)
-    same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
+    same(table, GRID, VALUES, NAMES, atol=1e-12)
     assert table.format == "CGATS text"
     assert table.notes == ["no unit is stated: taken as fractions"]
     # What is neither the name nor a band.
     assert set(table.attributes) == {"SAMPLE_ID", "LAB_L"}
     assert table.attributes["SAMPLE_ID"] == ("1", "2")
+
+
+def scaled(text, factor):
+    """The same with other values."""
+    for value in np.ravel(VALUES):
+        text = text.replace(f"{value:.2f}", f"{factor * value:g}")
+    return text
 
 
 def pairs(text, unit, factor):
@@ -50,13 +58,9 @@ def pairs(text, unit, factor):
 @pytest.mark.parametrize(("unit", "factor"), [("PCT", 100), ("DEC", 1)])
 def test_units_said_by_fields_and_pairs_of_fields(read, unit, factor):
     """Dark ones: no size of numbers tells percent."""
-    dark = np.array(VALUES) / 100
-    text = PLAIN.replace("SPECTRAL_NM", f"SPECTRAL_{unit}")
-    for value in np.ravel(VALUES):
-        text = text.replace(f"{value:.2f}", f"{value / 100 * factor:g}")
-    for chart in (text, pairs(PLAIN, unit, factor)):
-        right = dark if chart is text else VALUES
-        same(read(chart), GRID, right, ["red, light", "blue"], atol=1e-12)
+    text = scaled(PLAIN.replace("SPECTRAL_NM", f"SPECTRAL_{unit}"), factor / 100)
+    same(read(text), GRID, np.array(VALUES) / 100, NAMES, atol=1e-12)
+    same(read(pairs(PLAIN, unit, factor)), GRID, VALUES, NAMES, atol=1e-12)
 
 
 def test_pairs_of_other_wavelengths_are_refused(read):
@@ -69,16 +73,14 @@ def test_pairs_of_other_wavelengths_are_refused(read):
 
 
 def test_percent_by_name_by_norm_and_by_sight(read):
-    percent = PLAIN
-    for value in ("0.10", "0.20", "0.30", "0.40", "0.50", "0.60"):
-        percent = percent.replace(value, str(100 * float(value)))
+    percent = scaled(PLAIN, 100)
     for text in (
         percent,
         percent.replace("SPECTRAL_NM", "SPECTRAL_PCT_"),
         percent.replace("NUMBER_OF_SETS", 'SPECTRAL_NORM "100.0"\nNUMBER_OF_SETS'),
     ):
         table = read(text)
-        same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
+        same(table, GRID, VALUES, NAMES, atol=1e-12)
         assert table.unit == "percent"
         assert table.notes == ["values are in percent; divided by 100"]
 
