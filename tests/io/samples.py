@@ -22,6 +22,9 @@ def spectra(rows=3, grid=GRID):
     return 0.05 + 0.8 / (1 + np.exp((centres - grid) / 15))
 
 
+TABLE = SpectraTable(GRID, ("a", "b", "c"), spectra())
+
+
 def same(table, grid, values, names, atol=0.0):
     """Assert that a table holds this."""
     assert table.names == tuple(names)

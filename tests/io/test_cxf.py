@@ -3,10 +3,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax.io import SpectraTable, write_spectra
+from glazejax.io import write_spectra
 
 from .samples import CXF as SAMPLE
-from .samples import GRID, refused, same, spectra
+from .samples import TABLE, refused, same
 
 FILE = "chart.cxf"
 
@@ -34,7 +34,7 @@ def test_percent_against_the_standard_is_seen(read):
 
 def test_what_is_written_follows_the_schema(tmp_path):
     colour_cxf = pytest.importorskip("colour_cxf")
-    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.cxf")
+    write_spectra(TABLE, tmp_path / "t.cxf")
     document: Any = colour_cxf.read_cxf_from_file(tmp_path / "t.cxf")
     (specification,) = document.resources.color_specification_collection.color_specification
     measured = specification.measurement_spec

@@ -12,7 +12,7 @@ from glazejax.io import SpectraTable, read_spectra, write_spectra
 from glazejax.io.files.write import WIDE_TITLE
 
 from ..refusals import refusal
-from .samples import GRID, NAMES, same, spectra, tables
+from .samples import GRID, NAMES, TABLE, same, spectra, tables
 
 EVEN = st.builds(
     lambda start, step, count: start + step * np.arange(count),
@@ -49,7 +49,7 @@ def test_files_read_back(tmp_path_factory, name, layout, kind, data):
 def test_envi_is_legal_for_spectral_python(tmp_path):
     import spectral.io.envi as spy
 
-    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.sli")
+    write_spectra(TABLE, tmp_path / "t.sli")
     library: Any = spy.open(str(tmp_path / "t.hdr"))
     np.testing.assert_array_equal(library.spectra, spectra())
     assert library.names == ["a", "b", "c"]
@@ -65,7 +65,7 @@ def test_bright_spectra_survive_csv(tmp_path):
 
 @pytest.mark.parametrize("name", ["t.csv", "t.tsv", "t.cxf", "t.hdr"])
 def test_own_files_state_what_they_hold(tmp_path, name):
-    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra() / 100), tmp_path / name)
+    write_spectra(dataclasses.replace(TABLE, reflectance=spectra() / 100), tmp_path / name)
     assert read_spectra(tmp_path / name).notes == []
 
 
@@ -78,16 +78,15 @@ def test_names_that_a_format_cannot_hold(tmp_path):
 
 @pytest.mark.parametrize("name", ["t.csv", "t.cxf", "t.hdr"])
 def test_existing_files_are_kept(tmp_path, name):
-    table = SpectraTable(GRID, ("a", "b", "c"), spectra())
     path = tmp_path / name
-    write_spectra(table, path)
+    write_spectra(TABLE, path)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    brighter = dataclasses.replace(table, reflectance=table.reflectance * 1.01)
+    brighter = dataclasses.replace(TABLE, reflectance=spectra() * 1.01)
     with refusal("--overwrite", FileExistsError):
         write_spectra(brighter, path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
     write_spectra(brighter, path, overwrite=True)
-    same(read_spectra(path), GRID, brighter.reflectance, table.names)
+    same(read_spectra(path), GRID, brighter.reflectance, TABLE.names)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +114,7 @@ def test_only_legal_fractions_are_written(tmp_path, value):
     values = spectra()
     values[1, 2] = value
     with refusal(r"'b' is .* at 420 nm; it must be a fraction from 0 to 3"):
-        write_spectra(SpectraTable(GRID, ("a", "b", "c"), values), tmp_path / "t.csv")
+        write_spectra(dataclasses.replace(TABLE, reflectance=values), tmp_path / "t.csv")
     with refusal("make no table"):
         write_spectra(SpectraTable(GRID, ("a",), spectra()), tmp_path / "t.csv")
 
