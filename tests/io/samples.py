@@ -124,6 +124,11 @@ def old_workbook(sheets):
     return file.getvalue()
 
 
+def envi_list(values):
+    """A list as a header of ENVI has it."""
+    return "{" + ", ".join(map(str, values)) + "}"
+
+
 def envi_header(fields):
     """Header of ENVI, without the fields that are None."""
     return "ENVI\n" + lines((item for item in fields.items() if item[1] is not None), " = ")
@@ -137,7 +142,7 @@ ENVI = {
     "data type": 4,
     "interleave": "bsq",
     "byte order": 0,
-    "wavelength": "{" + ", ".join(f"{w:g}" for w in GRID) + "}",
+    "wavelength": envi_list(f"{w:g}" for w in GRID),
     "wavelength units": "nm",
     "spectra names": "{red, green, blue}",
 }

@@ -11,7 +11,7 @@ from glazejax.io.quantity import nanometres
 
 from ..refusals import refusal
 from . import test_envi
-from .samples import jcamp_block
+from .samples import envi_list, jcamp_block
 
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
 # other units.
@@ -36,7 +36,7 @@ def written(folder, format_name: str, unit: str, values):
             np.array([VALUES]),
             samples=3,
             lines=1,
-            wavelength="{" + ", ".join(map(repr, values.tolist())) + "}",
+            wavelength=envi_list(values),
             wavelength_units=unit,
             spectra_names="{lamp}",
         )

@@ -50,6 +50,22 @@ def envi(
     return path
 
 
+def holes(folder, interleave, lines, samples, wavelengths):
+    """A large image that takes no room."""
+    fields = {
+        "lines": lines,
+        "samples": samples,
+        "bands": len(wavelengths),
+        "data type": 12,
+        "interleave": interleave,
+        "wavelength": list(wavelengths),
+        "reflectance scale factor": 10_000,
+        "byte order": 0,
+    }
+    spy.create_image(str(folder / "big.hdr"), fields, force=True)
+    return folder / "big.hdr"
+
+
 def bright_image(folder: Path) -> Path:
     """Such an image with one reading as high as there are."""
     path = envi(folder, image())

@@ -11,7 +11,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import spectral.io.envi as spy
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,7 +18,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.io import CubeSource, open_cube
 
-from .images import BANDS, KINDS, LINES, SAMPLES, WAVELENGTHS, every, image, labelled, tiff, zarr
+from .images import (
+    BANDS,
+    KINDS,
+    LINES,
+    SAMPLES,
+    WAVELENGTHS,
+    every,
+    holes,
+    image,
+    labelled,
+    tiff,
+    zarr,
+)
 
 
 def gappy():
@@ -147,22 +158,6 @@ def test_sources_and_cubes_can_be_sent(files, kind):
     assert hash(again) == hash(source)
     assert_allclose(again.open().values, expected, atol=1e-6)
     assert_allclose(open_again.values, expected, atol=1e-6)
-
-
-def holes(folder, interleave, lines, samples, wavelengths):
-    """A large image that takes no room."""
-    fields = {
-        "lines": lines,
-        "samples": samples,
-        "bands": len(wavelengths),
-        "data type": 12,
-        "interleave": interleave,
-        "wavelength": list(wavelengths),
-        "reflectance scale factor": 10_000,
-        "byte order": 0,
-    }
-    spy.create_image(str(folder / "big.hdr"), fields, force=True)
-    return folder / "big.hdr"
 
 
 @pytest.mark.slow
