@@ -16,6 +16,8 @@ from .cubes.images import holes
 from .samples import ENVI as HEADER
 from .samples import GRID, envi_header, envi_list, refused, same, spectra
 
+NAMES = ["red", "green", "blue"]
+
 
 def put(folder, values=None, **changes):
     """Write a library by hand; fields that are None are left out."""
@@ -57,7 +59,7 @@ def test_library_written_by_spectral_python(tmp_path):
 def test_two_wavelengths_that_changed_places_are_no_overlap(read):
     order = [*range(10), 11, 10, *range(12, GRID.size)]
     table = read(spectra()[:, order], wavelength=envi_list(GRID[order]))
-    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-7)
+    same(table, GRID, spectra(), NAMES, atol=1e-7)
     assert table.notes == [
         "bands were sorted by wavelength",
         "no unit is stated: taken as fractions",
@@ -74,7 +76,7 @@ def test_long_headers_are_read_in_one_pass(tmp_path):
 
 def test_fields_beyond_the_standard_are_attributes(read):
     table = read(pname="{Zinnober hell, Grün, Bleu d'outremer}", Author="Ö")
-    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-7)
+    same(table, GRID, spectra(), NAMES, atol=1e-7)
     assert table.attributes == {"pname": ("Zinnober hell", "Grün", "Bleu d'outremer")}
 
 
@@ -115,7 +117,7 @@ def test_units_scale_bad_bands_order_and_missing_data(read):
 def test_bad_bands_are_those_whose_number_is_zero(read, zero):
     table = read(bbl=envi_list([zero, *[1.0] * 6, zero, *[1.0] * 23]))
     good = np.delete(np.arange(31), [0, 7])
-    same(table, GRID[good], spectra()[:, good], ["red", "green", "blue"], atol=1e-7)
+    same(table, GRID[good], spectra()[:, good], NAMES, atol=1e-7)
 
 
 def test_values_above_one_are_kept_and_said(read):
@@ -128,7 +130,7 @@ def test_values_above_one_are_kept_and_said(read):
 
 def test_percent_is_said(read):
     table = read(spectra() * 100)
-    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-6)
+    same(table, GRID, spectra(), NAMES, atol=1e-6)
     assert (table.format, table.unit) == ("ENVI spectral library", "percent")
     assert table.notes == ["values are in percent; divided by 100"]
 
@@ -200,12 +202,12 @@ def overwrite(folder, dtype, place, value):
 def cube(folder, interleave="bil", dtype="u2", scale=10_000, **fields):
     """Image of 4 lines x 5 samples, written by Spectral Python; what it holds as fractions."""
     image = spectra(20).reshape(4, 5, -1)
-    fields = {"wavelength": GRID.tolist(), "wavelength units": "nm"} | fields
     spy.save_image(
         str(folder / "image.hdr"),
         (image * scale).astype(dtype),
         interleave=interleave,
-        metadata={title.replace("_", " "): value for title, value in fields.items()},
+        metadata={"wavelength": GRID.tolist(), "wavelength units": "nm"}
+        | {title.replace("_", " "): value for title, value in fields.items()},
         byteorder="little",
     )
     return image
@@ -221,13 +223,7 @@ def test_image_as_a_table(tmp_path):
 
 
 def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
-    image = cube(
-        tmp_path,
-        scale=10_000,
-        reflectance_scale_factor=10000,
-        data_ignore_value=0,
-        bbl=[0] + [1] * 30,
-    )
+    image = cube(tmp_path, reflectance_scale_factor=10000, data_ignore_value=0, bbl=[0] + [1] * 30)
     overwrite(tmp_path, "<u2", np.s_[2, :, 3], 0)
     opened = open_cube(tmp_path / "image.hdr")
     assert opened["wavelength"][0] == 410
@@ -329,7 +325,7 @@ def test_deleted_channels_of_a_library_are_missing(read):
     for row, channels in enumerate([slice(0, 4), slice(0, 2), slice(1, 2)]):
         values[row, channels] = -1.23e34
     table = read(values)
-    same(table, GRID[4:], spectra()[:, 4:], ["red", "green", "blue"], atol=1e-7)
+    same(table, GRID[4:], spectra()[:, 4:], NAMES, atol=1e-7)
     assert any("4 bands without data" in note for note in table.notes)
 
 
