@@ -29,8 +29,6 @@ def test_written_by_the_package(tmp_path):
         "xunits": "NANOMETERS",
         "yunits": "REFLECTANCE",
         "npoints": GRID.size,
-    }
-    data |= {
         "firstx": GRID[0],
         "lastx": GRID[-1],
         "xfactor": 1,

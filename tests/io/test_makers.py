@@ -13,6 +13,13 @@ from .samples import CGATS, CXF, GRID, jcamp_block, refused, rows, same, spectra
 
 RED, BLUE = spectra(2).round(4)
 DARK = 0.3 + 0.9 * RED  # percent of a black
+
+
+def are_dark(table):
+    """Assert that all spectra are this black, read as percent."""
+    assert_allclose(table.reflectance, [DARK / 100] * len(table))
+
+
 EXPORT = "only reflectance can be read: export it"
 
 
@@ -103,10 +110,9 @@ def test_the_user_says_what_it_is(shared_cases):
 )
 def test_percent_in_a_title_is_before_the_size_of_the_numbers(read, title):
     table = read(f"nm,{title}\n" + rows(DARK))
-    assert_allclose(table.reflectance[0], DARK / 100)
+    are_dark(table)
     assert table.names == ("tile (%)" if "tile" in title else "film",)
-    table = read(f'##TITLE\nnm\t"{title}"\n' + rows(DARK, by="\t"))
-    assert_allclose(table.reflectance[0], DARK / 100)
+    are_dark(read(f'##TITLE\nnm\t"{title}"\n' + rows(DARK, by="\t")))
 
 
 @pytest.mark.parametrize(
@@ -132,8 +138,6 @@ def test_names_of_paints_are_no_quantities(read, name):
 def test_lines_above_say_what_the_values_are(read, line):
     with refusal("and only reflectance can be read"):
         read(f"An instrument\n{line}\n" + rows(RED, by="\t"))
-    table = read("Software 2\nYUNITS\t%R\n" + rows(DARK, by="\t"))
-    assert_allclose(table.reflectance[0], DARK / 100)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +180,12 @@ def test_what_nobody_states_is_said_once(read, unit):
 
 
 def test_units_in_titles_are_used(read):
-    for title, factor in (("Wavelength (µm)", 1e-3), ("lambda/nm", 1.0), ("wave [angstrom]", 10.0)):
+    for title, factor in (
+        ("Wavelength (µm)", 1e-3),
+        ("lambda/nm", 1.0),
+        ("wave [angstrom]", 10.0),
+        ("Wavelength (m)", 1e-9),
+    ):
         text = f"{title},red\n" + rows(RED, grid=factor * GRID)
         assert_allclose(read(text).wavelengths, GRID)
 
@@ -252,16 +261,15 @@ def test_utf_16_of_any_format(put, read, encoding):
 
 def test_names_are_padded_by_nul_above_a_table_only(read):
     text = "S1\0\0\0\nWave   ;Reflectance\n[nm]   ;[% reflectance]\n" + rows(DARK, by=";")
-    assert_allclose(read(text).reflectance[0], DARK / 100)
+    are_dark(read(text))
     with refusal("not a text file"):
         read(text.replace("500.0;", "500.0;\0"))
 
 
 def test_percent_cells_are_percent_and_all_alike(read):
-    text = "nm,red,blue\n" + "".join(
-        f"{w},{r}%,{b}%\n" for w, r, b in zip(GRID, DARK, DARK, strict=True)
-    )
-    assert_allclose(read(text).reflectance[1], DARK / 100)
+    cells = [f"{value}%" for value in DARK]
+    text = "nm,red,blue\n" + rows(cells, cells)
+    are_dark(read(text))
     with refusal("some cells are in percent, with %, and some are not"):
         read(text.replace("%\n", "\n", 1))
 
@@ -293,14 +301,12 @@ def test_deleted_channels_and_noisy_ends_of_a_titled_table(read):
 @pytest.mark.parametrize("unit", ["%R", "R%", "% REFLECTANCE", "Reflectance (%)"])
 def test_jcamp_percent_and_labels_of_a_maker_s_own(read, unit):
     text = jcamp_block(values=DARK, yunits=unit).replace("##XUNITS", "##$CONTENT$\n##XUNITS")
-    assert_allclose(read(text).reflectance[0], DARK / 100)
-    text = jcamp_block(yunits="Reflectivity")
-    assert read(text).unit == "fraction"
+    are_dark(read(text))
+    assert read(jcamp_block(yunits="Reflectivity")).unit == "fraction"
 
 
 def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
+    book = pytest.importorskip("openpyxl").Workbook()
     book.active.title = "Painting"
     book.active.append(["Project", "X"])
     book.create_sheet("Places").append(["sky", "left"])
@@ -317,13 +323,14 @@ def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
         "Wavelength (nm)\tblack\n\t%R\n" + rows(DARK, by="\t").replace(".", ","),
         "# reflectance in percent\nnm,black\n" + rows(DARK),
         "nm;black, %\n" + rows(DARK, by=";"),
+        "Software 2\nYUNITS\t%R\n" + rows(DARK, by="\t"),
         '"nm","R pct"\n'
         + "".join(f'"{w:g},0","{d}"\n'.replace(".", ",") for w, d in zip(GRID, DARK, strict=True)),
-        "nm;black\n" + "".join(f"{w};{d}\u00a0%\n" for w, d in zip(GRID, DARK, strict=True)),
+        "nm;black\n" + rows([f"{value}\u00a0%" for value in DARK], by=";"),
     ],
 )
 def test_percent_of_a_row_of_units_a_line_above_or_a_cell(read, text):
-    assert_allclose(read(text).reflectance[0], DARK / 100)
+    are_dark(read(text))
 
 
 @pytest.mark.parametrize("band", ["R{:g}%", "{:g} %", "R_{:g}nm_%", "R% {:g}", "SPECTRAL_PCT_{:g}"])
@@ -413,8 +420,6 @@ def test_wavelengths_of_pairs_in_other_units_are_no_spectra(read):
     text = "nm;a;um;b\n" + rows(RED, GRID / 1000, BLUE, by=";")
     with refusal("have none in common"):
         read(text)
-    text = "Wavelength (m);red\n" + rows(RED, by=";", grid=GRID * 1e-9)
-    assert_allclose(read(text).wavelengths, GRID)
 
 
 def test_the_usual_mark_of_missing_data_in_a_table(read):
