@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from scipy.io import savemat
 
-from glazejax.io import open_cube, read_spectra
+from glazejax.io import open_cube
 
 from ..refusals import refusal
 from .cubes.images import WAVELENGTHS, image
@@ -41,11 +41,10 @@ def qtx(unit=100.0, **changes):
     return "".join(sections)
 
 
-def test_datacolor_qtx_is_percent_however_dark(tmp_path):
-    path = tmp_path / "match.txt"
-    path.write_text(qtx(unit=1.0))
-    same(read_spectra(path), GRID, spectra(2) / 100, ["dark red", "blue"], atol=1e-7)
-    assert read_spectra(path).unit == "percent"
+def test_datacolor_qtx_is_percent_however_dark(read):
+    table = read(qtx(unit=1.0), "match.txt")
+    same(table, GRID, spectra(2) / 100, ["dark red", "blue"], atol=1e-7)
+    assert table.unit == "percent"
 
 
 @pytest.mark.parametrize(
@@ -56,11 +55,9 @@ def test_datacolor_qtx_is_percent_however_dark(tmp_path):
         ({"R": ""}, "no section has STD_R="),
     ],
 )
-def test_qtx_that_is_not_legal(tmp_path, changes, message):
-    path = tmp_path / "match.qtx"
-    path.write_text(qtx(**changes))
+def test_qtx_that_is_not_legal(read, changes, message):
     with refusal(message):
-        read_spectra(path)
+        read(qtx(**changes), "match.qtx")
 
 
 def procspec(**texts):
@@ -80,16 +77,14 @@ def doubles(values):
     return "".join(f"<double>{value}</double>" for value in values)
 
 
-def test_procspec_is_read(tmp_path):
-    path = tmp_path / "leaf.ProcSpec"
-    wavelengths, values = doubles(GRID), doubles(100 * spectra(1)[0])
-    path.write_bytes(procspec(channelWavelengths=wavelengths, processedPixels=values))
-    table = read_spectra(path)
+def test_procspec_is_read(read):
+    texts = {"channelWavelengths": doubles(GRID)}
+    with refusal(r"no plain numbers of processedPixels: .*save it as ASCII"):
+        read(procspec(**texts), "leaf.ProcSpec")
+    texts["processedPixels"] = doubles(100 * spectra(1)[0])
+    table = read(procspec(**texts), "leaf.ProcSpec")
     same(table, GRID, spectra(1), ["leaf"], atol=1e-9)
     assert table.format == "SpectraSuite .ProcSpec"
-    path.write_bytes(procspec(channelWavelengths=wavelengths))
-    with refusal(r"no plain numbers of processedPixels: .*save it as ASCII"):
-        read_spectra(path)
 
 
 SPC = b"\x00K" + struct.pack("<BBi", 0, 0, 31) + bytes(500)
@@ -108,15 +103,15 @@ NAMED = {
 
 
 @pytest.mark.parametrize("maker", NAMED)
-def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path, maker):
+def test_formats_that_are_not_read_are_named_with_the_way_out(read, maker):
     content, way_out = NAMED[maker]
-    path = tmp_path / "file.dat"
-    path.write_bytes(content)
     with refusal(f"{maker}.*{way_out}"):
-        read_spectra(path)
-    # A table may begin with such a word.
-    path.write_text("PEPE,400,410,420\nWDF1,.1,.2,.3\nSpectral Data File,.1,.2,.3\n")
-    assert len(read_spectra(path)) == 2
+        read(content, "file.dat")
+
+
+def test_a_table_may_begin_with_such_a_word(read):
+    text = "PEPE,400,410,420\nWDF1,.1,.2,.3\nSpectral Data File,.1,.2,.3\n"
+    assert len(read(text, "file.dat")) == 2
 
 
 @pytest.mark.parametrize("row", [True, False])
@@ -140,17 +135,12 @@ def test_matlab_7_cubes_have_their_axes_in_reverse(tmp_path, block):
     agree(open_cube(path), image())
 
 
-def pictures(folder, dtype):
-    values = np.round(image() * np.iinfo(dtype).max).astype(dtype)
-    for number, nm in enumerate(WAVELENGTHS):
-        Image.fromarray(values[..., number]).save(folder / f"scene_{nm:g}nm.png")
-    return values
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_a_folder_of_png_is_a_cube_of_counts(tmp_path, dtype):
-    values = pictures(tmp_path, dtype)
     most = int(np.iinfo(dtype).max)
+    values = np.round(image() * most).astype(dtype)
+    for number, nm in enumerate(WAVELENGTHS):
+        Image.fromarray(values[..., number]).save(tmp_path / f"scene_{nm:g}nm.png")
     cube = open_cube(tmp_path, scale=most)
     agree(cube, values / most)
     np.testing.assert_allclose(cube[3:9:2, 4], (values / most)[3:9:2, 4], atol=1e-6)
