@@ -13,6 +13,7 @@ from glazejax.io.quantity import not_stated
 
 from ..refusals import refusal
 
+VALUES = [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 TRIPLES = "sample,wavelength,reflectance\nred,400,0.1\nblue,410,0.5\nred,410,0.2\nblue,400,0.4\n"
 COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
@@ -45,8 +46,8 @@ def test_every_layout_reads_the_same(read, text):
     table = read(text)
     assert table.names == ("red", "blue")
     assert_array_equal(table.wavelengths, [400, 410, 420])
-    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
-    assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
+    assert_array_equal(table.reflectance, VALUES)
+    assert_array_equal(table["blue"], VALUES[1])
     assert set(table.notes) <= {not_stated("fractions"), not_stated("nm", "fractions")}
     assert len(table) == 2
 
@@ -214,7 +215,7 @@ def test_columns_without_a_header(read, text):
     table = read(text)
     assert table.names == ("column 2", "column 3")
     assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
-    assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert_array_equal(table.reflectance, VALUES)
     assert "no header" in table.notes[0]
 
 

@@ -11,6 +11,7 @@ from glazejax.paint.pigment_table import read_pigments
 from ..refusals import refusal
 from .samples import CGATS, GRID, jcamp_block, spectra
 
+FILE = "t.csv"
 FORMULAS = ("=1+1", "+cmd", "-a", "@SUM(A1)", "'=1", "''+x")
 
 
@@ -49,19 +50,14 @@ def test_shields_come_off_again(name):
         jcamp_block().replace("400 ", "WORD ", 1),
     ],
 )
-def test_python_s_own_and_other_scripts_digits_are_no_numbers(tmp_path, text, word):
-    path = tmp_path / "t.csv"
-    path.write_text(text.replace("WORD", word), encoding="utf-8")
+def test_python_s_own_and_other_scripts_digits_are_no_numbers(read, text, word):
     with refusal(r"t\.csv"):
-        read_spectra(path)
+        read(text.replace("WORD", word))
 
 
-def test_shields_come_off_in_every_layout(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("sample,wavelength,reflectance\n'=1,400,.1\n'=1,410,.2\n")
-    assert read_spectra(path).names == ("=1",)
-    path.write_text(CGATS.replace("blue", "'=1"))
-    assert read_spectra(path).names[1] == "=1"
+def test_shields_come_off_in_every_layout(read):
+    assert read("sample,wavelength,reflectance\n'=1,400,.1\n'=1,410,.2\n").names == ("=1",)
+    assert read(CGATS.replace("blue", "'=1")).names[1] == "=1"
 
 
 def test_a_pigment_s_name_is_no_formula_and_reads_back(tmp_path):
