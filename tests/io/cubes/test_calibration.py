@@ -51,9 +51,8 @@ def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     paths: dict = {
         "path": counts(folder, raw, "raw", interleave="bil"),
         "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
-        "dark": counts(folder, dark[:150], "dark", dtype="f4"),
+        "dark": counts(folder, np.tile(dark, (8, 1, 1)), "dark", dtype="f4"),
     }
-    counts(folder, np.tile(dark, (8, 1, 1)), "dark", dtype="f4")
     window = (2, 20, 5, 25)
     cube = open_cube(**paths, window=window, binning=(2, 2, 2), bands=(400, 470))
     zero, one = dark.mean(0), white[:9].mean(0)
@@ -158,14 +157,15 @@ def test_references_of_another_size(tmp_path, size, complaint):
 
 def test_calibrations_that_mean_nothing(tmp_path):
     path = counts(tmp_path, image() * 10_000, "raw")
-    np.save(tmp_path / "white.npy", np.full(BANDS, 20_000.0))
+    white = tmp_path / "white.npy"
+    np.save(white, np.full(BANDS, 20_000.0))
     with refusal("a dark reference alone"):
-        open_cube(path, dark=tmp_path / "white.npy")
+        open_cube(path, dark=white)
     with refusal("not both"):
-        open_cube(path, white=tmp_path / "white.npy", scale=3)
+        open_cube(path, white=white, scale=3)
     for own in (0, -1, 99, np.nan):
         with refusal("the white's own reflectance is"):
-            open_cube(path, white=tmp_path / "white.npy", white_reflectance=own)
+            open_cube(path, white=white, white_reflectance=own)
     other = counts(tmp_path, image() * 10_000, "other", wavelengths=np.array(WAVELENGTHS) + 3)
     with refusal("other wavelengths than the cube"):
         open_cube(path, white=other)

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 
+import h5py
 import matplotlib.path
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from ...refusals import refusal
 from .images import BANDS, LINES, SAMPLES, bright_image, envi, image, labelled, zarr
 
 SHAPE = (LINES, SAMPLES)
+USED = np.random.default_rng(0).random(SHAPE) < 0.5
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
 
 
@@ -33,21 +35,18 @@ def png(folder, values):
     "kind", ["grey", "16 bit", "1 bit", "rgb", "rgba", "palette", "grey alpha"]
 )
 def test_pictures_of_all_kinds(tmp_path, kind):
-    used = np.random.default_rng(0).random(SHAPE) < 0.5
-    grey = Image.fromarray(np.where(used, 7, 0).astype("u1"))
+    grey = Image.fromarray(np.where(USED, 7, 0).astype("u1"))
     made = {
         "grey": grey,
-        "16 bit": Image.fromarray(np.where(used, 256, 0).astype("u2")),
-        "1 bit": Image.fromarray(used),
-        "rgb": Image.fromarray(
-            np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")
-        ),
-        "rgba": Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
+        "16 bit": Image.fromarray(np.where(USED, 256, 0).astype("u2")),
+        "1 bit": Image.fromarray(USED),
+        "rgb": Image.fromarray((USED[..., None] * [0, 1, 0]).astype("u1")),
+        "rgba": Image.fromarray(np.where(USED[..., None], 255, [9, 9, 9, 0]).astype("u1")),
         "palette": grey.convert("P"),
         "grey alpha": grey.convert("LA"),
     }[kind]
     made.save(tmp_path / "mask.png")
-    assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
+    assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), USED)
 
 
 def test_mask_of_another_size(tmp_path):
@@ -60,10 +59,9 @@ def test_mask_of_another_size(tmp_path):
 
 
 def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
-    used = np.random.default_rng(0).random(SHAPE) < 0.5
     cube = open_cube(envi(tmp_path, image()), window=(2, 21, 3, 30), binning=(2, 3, 1))
-    expected = used[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
-    assert_array_equal(read_mask(png(tmp_path, used), cube), expected)
+    expected = USED[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
+    assert_array_equal(read_mask(png(tmp_path, USED), cube), expected)
     assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
 
 
@@ -268,7 +266,6 @@ def test_hash_of_a_folder_follows_all_its_files(tmp_path, size):
 
 
 def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
-    h5py = pytest.importorskip("h5py")
     header = envi(tmp_path, image())
     other = header.with_suffix(".nc")
     with h5py.File(other, "w") as file:
