@@ -19,6 +19,15 @@ def image(seed=0, lines=LINES, samples=SAMPLES):
     return np.random.default_rng(seed).integers(1, 10_000, (lines, samples, BANDS)) / 10_000
 
 
+def binned(values, each):
+    """Means that ignore NaN, of the bins that are full."""
+    y, x, z = (n // k for n, k in zip(values.shape, each, strict=True))
+    whole = values[: y * each[0], : x * each[1], : z * each[2]]
+    parts = whole.reshape(y, each[0], x, each[1], z, each[2])
+    with np.errstate(invalid="ignore"):
+        return np.nansum(parts, axis=(1, 3, 5)) / np.isfinite(parts).sum(axis=(1, 3, 5))
+
+
 def envi(
     folder: Path,
     values: np.ndarray,

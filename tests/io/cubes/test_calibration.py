@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from glazejax.io import open_cube, write_table
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, bright_image, envi, image
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, binned, bright_image, envi, image
 
 
 @pytest.fixture
@@ -48,17 +48,16 @@ def test_references_of_the_cubes_size(scene):
 
 def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     folder, _, raw, white, dark = scene
-    paths: dict = {
-        "path": counts(folder, raw, "raw", interleave="bil"),
-        "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
-        "dark": counts(folder, np.tile(dark, (8, 1, 1)), "dark", dtype="f4"),
-    }
-    window = (2, 20, 5, 25)
-    cube = open_cube(**paths, window=window, binning=(2, 2, 2), bands=(400, 470))
-    zero, one = dark.mean(0), white[:9].mean(0)
-    expected = (
-        ((raw - zero) / (one - zero))[2:20, 5:25, :6].reshape(9, 2, 10, 2, 3, 2).mean((1, 3, 5))
+    cube = open_cube(
+        counts(folder, raw, "raw", interleave="bil"),
+        white=counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
+        dark=counts(folder, np.tile(dark, (8, 1, 1)), "dark", dtype="f4"),
+        window=(2, 20, 5, 25),
+        binning=(2, 2, 2),
+        bands=(400, 470),
     )
+    zero, one = dark.mean(0), white[:9].mean(0)
+    expected = binned(((raw - zero) / (one - zero))[2:20, 5:25], (2, 2, 2))
     assert_allclose(cube.values, expected, rtol=1e-5)
     notes = " | ".join(cube.attrs["notes"])
     assert "the white reference is the mean of its 9 lines" in notes

@@ -23,6 +23,7 @@ from .images import (
     LINES,
     SAMPLES,
     WAVELENGTHS,
+    binned,
     every,
     holes,
     image,
@@ -44,15 +45,6 @@ def gappy():
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     return every(tmp_path_factory.mktemp("files"), gappy())
-
-
-def binned(values, each):
-    """Means that ignore NaN, of the bins that are full."""
-    y, x, z = (n // k for n, k in zip(values.shape, each, strict=True))
-    whole = values[: y * each[0], : x * each[1], : z * each[2]]
-    parts = whole.reshape(y, each[0], x, each[1], z, each[2])
-    with np.errstate(invalid="ignore"):
-        return np.nansum(parts, axis=(1, 3, 5)) / np.isfinite(parts).sum(axis=(1, 3, 5))
 
 
 def spans(size):
