@@ -468,20 +468,16 @@ def _spectramagic() -> str:
 
 
 def _workbooks() -> dict[str, Subject]:
-    """Workbooks, where the packages that write them are installed."""
+    """Workbooks of both kinds."""
     rows = [["Name", *map(float, GRID)], ["red", *spectra(1)[0].tolist()]]
-    try:
-        book = import_module("openpyxl").Workbook()
-        old = old_workbook({"Films": rows})
-    except ImportError:
-        return {}
+    book = import_module("openpyxl").Workbook()
     for row in rows:
         book.active.append(row)
     file = io.BytesIO()
     book.save(file)
     return {
         "workbook": Subject("films.xlsx", file.getvalue()),
-        "old workbook": Subject("films.xls", old),
+        "old workbook": Subject("films.xls", old_workbook({"Films": rows})),
     }
 
 

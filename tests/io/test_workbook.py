@@ -15,7 +15,6 @@ from ..refusals import refusal
 from .samples import GRID, old_workbook, refused, same, spectra
 
 openpyxl = pytest.importorskip("openpyxl")
-pytest.importorskip("xlwt")
 R = spectra(2)
 
 

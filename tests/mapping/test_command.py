@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from numpy.testing import assert_allclose
 
 import glazefit.mapping.example
@@ -25,9 +26,6 @@ from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
 from tests.commands import invoke
 from tests.mapping.toy import run_chunks
-
-xarray = pytest.importorskip("xarray")
-pytest.importorskip("zarr")
 
 GRID = np.arange(400.0, 701.0, 30.0)
 SHAPE, CHUNK = (12, 10), (4, 10)

@@ -20,8 +20,6 @@ from ..refusals import refusal
 from .test_store import same, undisturbed  # noqa: F401
 from .toy import WINDOWS, Toy, run_chunks, store_at
 
-pytest.importorskip("zarr")
-
 # Of the second row and column of windows.
 WINDOW = Window(16, 32, 20, 40)
 
@@ -175,7 +173,6 @@ def test_a_map_that_does_not_say_what_it_is_is_refused(path, damage):
 
 @pytest.mark.parametrize("name", ["map.nc", "map.hdr"])
 def test_a_damaged_window_is_not_exported(path, tmp_path, name):
-    pytest.importorskip("h5netcdf")
     flip(path / "misfit" / "c" / "1" / "1")
     with refusal("window y16-32_x20-40 of"):
         export_map(path, tmp_path / name)

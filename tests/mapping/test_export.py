@@ -17,7 +17,6 @@ from .test_store import unfinish
 from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks
 
 xarray = pytest.importorskip("xarray")
-pytest.importorskip("zarr")
 
 COORDS = {
     "y": (50.0 - 0.5 * np.arange(SHAPE[0]) - 0.25, {"units": "metre", "pixel_size": 0.5}),
@@ -67,7 +66,6 @@ def store(tmp_path_factory) -> MapStore:
 
 
 def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
-    pytest.importorskip("h5netcdf")
     (path,) = export_map(store.path, tmp_path / "map.nc")
     ours = open_map(store.path)
     with xarray.open_dataset(path, engine="h5netcdf", mask_and_scale=False) as theirs:
@@ -89,7 +87,6 @@ def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
 
 
 def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_path):
-    pytest.importorskip("h5netcdf")
     ours = open_map(store.path)
     names = set_labels(ours)
     assert names.dims == ("y", "x")

@@ -2,15 +2,11 @@
 
 from pathlib import Path
 
-import pytest
-
 from glazefit.mapping.store.lock import hold
 
 from ..refusals import refusal
-from .test_store import finished, same, undisturbed  # noqa: F401
+from .test_store import finished
 from .toy import Toy, run_chunks, start_run, store_at
-
-pytest.importorskip("zarr")
 
 
 def test_a_map_that_was_replaced_before_it_was_written_is_left_alone(tmp_path):

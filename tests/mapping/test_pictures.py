@@ -31,8 +31,6 @@ from glazejax.plots import hex_colour
 
 from .truth_map import painting, truth_map
 
-pytest.importorskip("xarray")
-
 
 @pytest.fixture(scope="module")
 def scene():

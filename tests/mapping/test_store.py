@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Prior
@@ -24,9 +25,6 @@ from glazefit.mapping.store.windows import Window, chunk_shape, windows
 from ..refusals import refusal
 from ..slow import slow
 from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks, start_run, store_at
-
-xarray = pytest.importorskip("xarray")
-zarr = pytest.importorskip("zarr")
 
 
 @pytest.fixture(scope="module")
