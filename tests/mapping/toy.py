@@ -26,6 +26,17 @@ WINDOWS = 9
 """Of the map, three by three, the last ones smaller: each is some twenty files."""
 
 
+def empty_arrays(shape: tuple[int, int], paints: int) -> dict[str, np.ndarray]:
+    """Arrays of a map or a window, all fill."""
+    sizes = {"paint": paints, "place": PLACES, "rgb": 3}
+    return {
+        variable.name: np.full(
+            (*shape, *(sizes[dim] for dim in variable.further)), variable.fill, variable.dtype
+        )
+        for variable in VARIABLES
+    }
+
+
 @dataclass(frozen=True)
 class Toy:
     """Random maps by window, after some seconds."""
@@ -35,15 +46,13 @@ class Toy:
     def solve(self, window: Window) -> ChunkMaps:
         time.sleep(self.seconds)
         random = np.random.default_rng(list(window))
-        sizes = {"paint": len(PAINTS), "place": PLACES, "rgb": 3}
-        arrays = {}
-        for variable in VARIABLES:
-            shape = (*window.shape, *(sizes[dim] for dim in variable.further))
-            whole = np.dtype(variable.dtype).kind != "f"
-            arrays[variable.name] = (
-                random.integers(0, 3, shape) if whole else random.random(shape)
-            ).astype(variable.dtype)
-        arrays["status"] = np.full(window.shape, Status.MAPPED, np.uint8)
+        arrays = empty_arrays(window.shape, len(PAINTS))
+        for values in arrays.values():
+            whole = values.dtype.kind != "f"
+            values[:] = (
+                random.integers(0, 3, values.shape) if whole else random.random(values.shape)
+            )
+        arrays["status"][:] = Status.MAPPED
         # Some windows are all fill in an array, of which zarr then writes no file.
         if window.x0 == 0:
             del arrays["misfit"]

@@ -10,6 +10,8 @@ from benchmarks.rivals.known_painting import NOISE, Painting
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import PLACES, STATUS_WORDS, VARIABLES, Status, Way
 
+from .toy import empty_arrays
+
 GRID = np.linspace(400.0, 700.0, 16)
 """Of all paintings of these tests: tables of their regions belong to a grid, and are made once."""
 
@@ -40,18 +42,13 @@ def truth_map(painting: Painting):
     height, width = painting.shape
     truth = painting.truth(0, height)
     readings, clear = painting.rows(0, height), painting.rows(0, height, noise=False)
-    count = len(painting.paints)
-    further = {"place": PLACES, "paint": count, "rgb": 3}
-    arrays = {
-        v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype)
-        for v in VARIABLES
-    }
-    status = np.full((height, width), Status.MAPPED, np.uint8)
+    arrays = empty_arrays(painting.shape, len(painting.paints))
+    status = arrays["status"]
+    status[:] = Status.MAPPED
     status[:3] = Status.MASKED
     status[-4:, -6:] = Status.SATURATED
     mapped = status == Status.MAPPED
     known = mapped & ~truth["foreign"]
-    arrays["status"] = status
     arrays["way"][mapped] = Way.UPDATED
     arrays["way"][::5, ::5][mapped[::5, ::5]] = Way.SEARCHED
     arrays["explained"] = known.astype(np.uint8)
