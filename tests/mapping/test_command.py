@@ -4,7 +4,6 @@ nothing is lost.
 
 import csv
 import functools
-import json
 import os
 import signal
 import time
@@ -25,6 +24,7 @@ from glazefit.mapping.store.layout import Status
 from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
 from tests.commands import invoke
+from tests.io.cubes.images import envi
 from tests.mapping.toy import empty_arrays, run_chunks
 
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -32,26 +32,34 @@ SHAPE, CHUNK = (12, 10), (4, 10)
 
 
 OILS = ("--catalogue", "oils")
+ONE = (*OILS, "--only", "ZincWhite")
+TWO = (*OILS, "--only", "ZincWhite,Eosin")
 
 
 run = functools.partial(invoke, "map")
 
 
+def succeed(*words):
+    """What comes of a command that ends well."""
+    done = run(*words)
+    assert done.exception is None, done.output
+    return done
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture(scope="module")
 def cube(tmp_path_factory) -> Path:
     """An ENVI image of some grey, its left column the bare ground."""
-    header = tmp_path_factory.mktemp("cube") / "panel.hdr"
-    values = np.full((*SHAPE, GRID.size), 0.4, "<f4")
+    values = np.full((*SHAPE, GRID.size), 0.4)
     values[:, 0] = 0.7
     values[0, 5, 3] = np.nan
-    header.with_suffix(".dat").write_bytes(values.transpose(2, 0, 1).tobytes())
-    header.write_text(
-        f"ENVI\nsamples = {SHAPE[1]}\nlines = {SHAPE[0]}\nbands = {GRID.size}\nheader offset = "
-        "0\ndata type = 4\n"
-        "interleave = bsq\nbyte order = 0\nwavelength units = Nanometers\n"
-        f"wavelength = {{ {', '.join(f'{nm:g}' for nm in GRID)} }}\n"
-    )
-    return header
+    units = {"wavelength units": "Nanometers"}
+    folder = tmp_path_factory.mktemp("cube")
+    return envi(folder, values, dtype="f4", name="panel", wavelengths=GRID, **units)
 
 
 @dataclass(frozen=True)
@@ -175,8 +183,7 @@ def mapped(monkeypatch) -> list[dict]:
         ("none.hdr --opaque --scheduler tcp://127.0.0.1:1", "there is no such file"),
     ],
 )
-def test_bad_options_end_in_one_sentence(arguments, complaint, tmp_path, monkeypatch, mapped):
-    monkeypatch.chdir(tmp_path)
+def test_bad_options_end_in_one_sentence(arguments, complaint, tmp_path, mapped):
     done = run(*arguments.split())
     assert isinstance(done.exception, ValueError | OSError), done.output
     assert complaint in str(done.exception)
@@ -203,12 +210,10 @@ def test_options_are_read_as_they_are_written():
 def test_a_map_its_report_its_table_and_its_exports_are_written(
     tmp_path, monkeypatch, cube, mapped
 ):
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
     subject = ["--object", "Panel", "--inventory", "A-1", "--operator", "N.N."]
-    done = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", *files, *subject)
-    assert done.exception is None, done.output
+    done = succeed(cube, "--ground", "0.9", *TWO, *files, *subject)
     assert "10 x 12 pixels: 110 mapped; 10 left out by the mask." in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "map.nc",
@@ -250,33 +255,21 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         assert isinstance(
             run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError
         )
-    again = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,Eosin", "--out", "panel.zarr")
-    assert again.exception is None, again.output
-    other = run(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite", "--out", "panel.zarr")
+    succeed(cube, "--ground", "0.9", *TWO, "--out", "panel.zarr")
+    other = run(cube, "--ground", "0.9", *ONE, "--out", "panel.zarr")
     assert "was begun with other options (paints: " in str(other.exception)
-    anew = run(
-        cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,BoneBlack", *files, "--overwrite"
-    )
-    assert anew.exception is None, anew.output
-    assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"][
-        "paints"
-    ] == [
-        "ZincWhite",
-        "BoneBlack",
-    ]
+    succeed(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
+    assert open_map("panel.zarr").paint.values.tolist() == ["ZincWhite", "BoneBlack"]
 
 
 @pytest.mark.parametrize(
     ("stops", "status", "words"), [(interrupt, 130, "Interrupted"), (terminate, 143, "Stopped")]
 )
-def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
-    tmp_path, monkeypatch, cube, mapped, stops, status, words
-):
-    monkeypatch.chdir(tmp_path)
+def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(cube, mapped, stops, status, words):
     before = signal.getsignal(signal.SIGTERM)
     mapped.append({"stops": stops})
     for more, how in (([], ""), (["--overwrite"], " without --overwrite")):
-        done = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin", *more)
+        done = run(cube, "--opaque", *TWO, *more)
         assert done.exit_code == status
         assert (
             f"{words}: 2 of 3 windows are finished and kept in map.zarr; the same command{how} "
@@ -284,18 +277,11 @@ def test_a_stop_keeps_what_is_finished_and_says_how_to_go_on(
         )
     assert signal.getsignal(signal.SIGTERM) == before
     mapped.clear()
-    again = run(cube, "--opaque", *OILS, "--only", "ZincWhite,Eosin")
-    assert again.exception is None, again.output
-    assert "110 mapped" in again.output
+    assert "110 mapped" in succeed(cube, "--opaque", *TWO).output
 
 
-def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, cube):
-    monkeypatch.chdir(tmp_path)
-
-    def interrupted(*arguments, **named):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", interrupted)
+def test_an_interrupt_before_there_is_a_map_is_only_that(monkeypatch, cube):
+    monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", lambda *_, **__: interrupt())
     done = run(cube, "--opaque")
     assert done.exit_code in (1, 130)
     assert "finished" not in done.output
@@ -305,11 +291,9 @@ def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, 
     assert "Stopped: no map was begun." in done.output
 
 
-def test_pigments_are_mapped_unless_another_catalogue_is_named(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
+def test_pigments_are_mapped_unless_another_catalogue_is_named(cube, mapped):
     for words, name in (([], "pigments"), (OILS, "oils")):
-        done = run(cube, "--opaque", "--out", f"{name}.zarr", *words)
-        assert done.exception is None, done.output
+        done = succeed(cube, "--opaque", "--out", f"{name}.zarr", *words)
         assert [p.name for p in mapped[-1]["pigments"]] == list(catalogue.load(name))
         assert done.output.splitlines()[-1].startswith(f"Asked: {name}, ")
     # Far fewer films are of no family than of no paint of one maker.
@@ -317,21 +301,8 @@ def test_pigments_are_mapped_unless_another_catalogue_is_named(tmp_path, monkeyp
     assert mapped[1]["prior"].unknown > EXPECTED.unknown
 
 
-def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
-    done = run(
-        cube,
-        "--ground",
-        "cube:0:1,2:10",
-        *OILS,
-        "--only",
-        "ZincWhite",
-        "--spot",
-        "Grey=2:4,3:6",
-        "--spot",
-        "Bare=0,1",
-    )
-    assert done.exception is None, done.output
+def test_ground_and_spots_are_measured_in_the_cube(cube, mapped):
+    succeed(cube, "--ground", "cube:0:1,2:10", *ONE, "--spot", "Grey=2:4,3:6", "--spot", "Bare=0,1")
     (call,) = mapped
     assert call["ground"].shape == GRID.shape
     # In air it reads 0.7; under paint it is brighter, as the surface throws light back to it.
@@ -347,12 +318,11 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
         (["--opaque", "--spot", "ZincWhite=2,2"], "a paint 'ZincWhite' already"),
         (["--opaque", "--spot", "A=none.png"], "neither a place such as"),
     ):
-        failed = run(cube, "--out", "other.zarr", *OILS, "--only", "ZincWhite", *words)
+        failed = run(cube, "--out", "other.zarr", *ONE, *words)
         assert complaint in str(failed.exception)
 
 
-def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch, cube, mapped):
-    monkeypatch.chdir(tmp_path)
+def test_a_ground_needs_to_be_known_only_where_paints_are(cube, mapped):
     paints = [
         f"{name},{nm:g},1000,50000"
         for name in ("Own", "Other")
@@ -362,40 +332,27 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch,
         "\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n"
     )
     Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
-    done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
-    assert done.exception is None, done.output
+    succeed(cube, "--pigments", "own.csv", "--ground", "ground.csv")
     assert_allclose(
         mapped[0]["ground"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
     )
 
 
-def test_a_dask_scheduler_is_asked(tmp_path, monkeypatch, cube, mapped):
+def test_a_dask_scheduler_is_asked(cube, mapped):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.chdir(tmp_path)
     with distributed.LocalCluster(
         n_workers=1, processes=False, dashboard_address=None, silence_logs=60
     ) as cluster:
-        done = run(
-            cube,
-            "--opaque",
-            *OILS,
-            "--only",
-            "ZincWhite,Eosin",
-            "--scheduler",
-            cluster.scheduler_address,
-        )
-        assert done.exception is None, done.output
+        succeed(cube, "--opaque", *TWO, "--scheduler", cluster.scheduler_address)
         assert mapped[0]["client"].status == "closed"
     assert int((open_map("map.zarr").status == Status.MAPPED).sum()) == 110
 
 
 @pytest.mark.slow
 def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
-    monkeypatch.chdir(tmp_path)
     small = functools.partial(glazefit.mapping.example.painting, (6, 8), 8)
     monkeypatch.setattr(glazefit.mapping.example, "painting", small)
-    done = run("--example", "--out", "small.zarr")
-    assert done.exception is None, done.output
+    succeed("--example", "--out", "small.zarr")
     made = small()
     assert mapped[0]["cube"].path == tmp_path / "small-example" / "painting.hdr"
     assert_allclose(mapped[0]["ground"], made.ground, atol=1e-6)
@@ -404,19 +361,8 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}
     # A second run maps the same painting.
     before = (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns
-    assert (
-        run(
-            "--example",
-            "--out",
-            "small.zarr",
-            "--opaque",
-            *OILS,
-            "--only",
-            "ZincWhite,BoneBlack",
-            "--overwrite",
-        ).exception
-        is None
-    )
+    words = ("--opaque", *OILS, "--only", "ZincWhite,BoneBlack", "--overwrite")
+    succeed("--example", "--out", "small.zarr", *words)
     assert (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns == before
     assert mapped[1]["ground"] is None
     assert mapped[1]["opaque"]
