@@ -3,6 +3,7 @@
 import html
 import re
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,11 +16,11 @@ from glazefit.mapping.show.page_sets import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
 from glazefit.page.templates import fill_template
+from tests.mapping import small
 
 from ..fitting.test_identify_page import Parsed
 from .truth_map import GRID, painting, truth_map
 
-xr = pytest.importorskip("xarray")
 EVIL = '<b>&"'
 ABOUT = MapProvenance(
     "a <b>painting</b>",
@@ -45,11 +46,19 @@ def made():
 def report(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     dataset, tallies, sets = made
-    scene = painting((64, 96), seed=2)
-    cube = xr.DataArray(
-        scene.rows(0, 64), dims=("y", "x", "wavelength"), coords={"wavelength": GRID}
-    )
+    cube = small.image(painting((64, 96), seed=2).rows(0, 64), GRID)
     return write_report(dataset, tallies, sets, ABOUT, folder, cube=cube)
+
+
+def report_of(*map_and_about, **facts):
+    """A report without the pictures beside it."""
+    with mock.patch("glazefit.mapping.show.page.write_pictures", return_value=[]):
+        return write_report(*map_and_about, **facts)
+
+
+def shown(sets):
+    """Those of the sets that are shown."""
+    return shown_sets({members: one.pixels for members, one in sets.items()})
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +75,7 @@ def part(made, tmp_path_factory):
     names = [EVIL if name == "LeadWhite" else name for name in part["paint"].values]
     part = part.assign_coords(paint=names)
     about = replace(ABOUT, notes=())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
-        return part, write_report(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
+    return part, report_of(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
 
 
 def words(page):
@@ -115,10 +122,10 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
     rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
     names = [str(name) for name in dataset["paint"].values]
     mapped = int(np.sum(dataset["status"].values == Status.MAPPED))
-    shown = shown_sets({members: one.pixels for members, one in sets.items()})
-    others = len(sets) - 1 > len(shown)
-    assert len(rows) == len(shown) + others + 1
-    for number, (row, members) in enumerate(zip(rows, shown, strict=False), start=1):
+    ranked = shown(sets)
+    others = len(sets) - 1 > len(ranked)
+    assert len(rows) == len(ranked) + others + 1
+    for number, (row, members) in enumerate(zip(rows, ranked, strict=False), start=1):
         text = words(row)
         assert text.split()[0] == str(number)
         assert all(names[member] in text for member in members)
@@ -140,8 +147,9 @@ def by_family(made, tmp_path_factory):
         "share": 1.0,
         "formula": "2CuCO3·Cu(OH)2",
         "in_use": "antiquity-",
+        "colour_index": "PB30",
+        "anachronism": "not of 1990: azurite",
     }
-    pigment |= {"colour_index": "PB30", "anachronism": "not of 1990: azurite"}
     bands = len(dataset.attrs["working_wavelengths"])
     film = {
         "paints": [{"name": "azurite/of a hand", "binder": "egg"}],
@@ -149,9 +157,7 @@ def by_family(made, tmp_path_factory):
     }
     facts = {members: {"pigments": [pigment], "film": film} for members in sets if members}
     folder = tmp_path_factory.mktemp("by_family")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
-        return write_report(dataset, tallies, sets, ABOUT, folder, facts=facts)
+    return report_of(dataset, tallies, sets, ABOUT, folder, facts=facts)
 
 
 def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family):
@@ -165,8 +171,8 @@ def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family
         assert each in said, each
     assert "median share by mass" not in said
     # One map beside the object for each name of a set that is shown.
-    shown = {n for members in shown_sets({m: s.pixels for m, s in sets.items()}) for n in members}
-    assert said.count("Where it is.") == len(shown)
+    names = {n for members in shown(sets) for n in members}
+    assert said.count("Where it is.") == len(names)
 
 
 def test_sets_of_less_than_a_hundredth_are_summed():
@@ -186,7 +192,7 @@ def test_other_programs_open_the_sets_as_classes(made, by_family):
     assert ((classes == 0) == ~mapped).all()
     none = mapped & (dataset["explained"].values == 0)
     assert ((classes == names.index("none of these paints")) == none).all()
-    first = shown_sets({members: one.pixels for members, one in sets.items()})[0]
+    first = shown(sets)[0]
     assert (classes == 1).sum() == sets[first].pixels
     assert names[1] == " + ".join(str(dataset["paint"].values[n]) for n in first)
 
@@ -226,14 +232,12 @@ def test_pictures_lie_beside_the_page(report):
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_file_that_is_there_is_replaced_only_if_asked_for(made, report, tmp_path, monkeypatch):
-    dataset, tallies, sets = made
-    monkeypatch.setattr("glazefit.mapping.show.page.write_pictures", lambda *_, **__: [])
+def test_a_file_that_is_there_is_replaced_only_if_asked_for(made, report, tmp_path):
     (tmp_path / CLASSES).write_text("mine")
     for file, words in ((report, "--overwrite replaces it"), (tmp_path / CLASSES, CLASSES)):
         before = file.read_bytes()
         with pytest.raises(FileExistsError, match=words):
-            write_report(dataset, tallies, sets, ABOUT, file.parent)
+            report_of(*made, ABOUT, file.parent)
         assert file.read_bytes() == before
 
 

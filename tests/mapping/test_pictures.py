@@ -28,6 +28,7 @@ from glazefit.mapping.show.pictures import (
 from glazefit.mapping.store.layout import Status, Way
 from glazejax.colour import delta_e_2000
 from glazejax.plots import hex_colour
+from tests.mapping import small
 
 from .truth_map import painting, truth_map
 
@@ -218,25 +219,15 @@ def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
 
 
 def test_false_colour_takes_infrared_where_there_is_some(scene):
-    import xarray as xr
-
     grid = np.linspace(400.0, 1000.0, 61)
     values = np.zeros((4, 5, 61), np.float32)
     values[..., grid > 850] = np.linspace(0, 1, 20).reshape(4, 5, 1)
-    image, words = false_colour(
-        xr.DataArray(values, dims=("y", "x", "wavelength"), coords={"wavelength": grid})
-    )
+    image, words = false_colour(small.image(values, grid))
     assert words == "red 900 nm, green 650 nm, blue 550 nm"
     assert image[..., 0].max() == 255
     assert image[..., 1:].max() == 0
-    assert "red 690 nm" in false_colour(
-        xr.DataArray(
-            scene.rows(0, 9),
-            dims=("y", "x", "wavelength"),
-            coords={"wavelength": scene.wavelengths},
-        ),
-        3,
-    )[1].replace("680", "690")
+    _, words = false_colour(small.image(scene.rows(0, 9), scene.wavelengths), 3)
+    assert "red 690 nm" in words.replace("680", "690")
 
 
 def test_what_is_no_map_is_refused(dataset):
