@@ -14,7 +14,7 @@ from glazefit.mapping.store.store import MapStore, open_map
 
 from ..refusals import refusal
 from .test_store import unfinish
-from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks
+from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks, store_at
 
 xarray = pytest.importorskip("xarray")
 
@@ -41,6 +41,7 @@ class Sparse(Toy):
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory) -> MapStore:
+    path = tmp_path_factory.mktemp("export") / "map.zarr"
     attrs = {
         "title": "a {panel}, Ghent",
         "map_info": PLACE,
@@ -50,15 +51,7 @@ def store(tmp_path_factory) -> MapStore:
         "notes": ["one", "two"],
         "mixed": [1, "a"],
     }
-    store = MapStore.create(
-        tmp_path_factory.mktemp("export") / "map.zarr",
-        SHAPE,
-        CHUNK,
-        PAINTS,
-        options={"a": 1},
-        attrs=attrs,
-        coords=COORDS,
-    )
+    store = store_at(path, attrs=attrs, coords=COORDS)
     run_chunks(store, Sparse())
     # One window that is not done.
     unfinish(store, store.windows()[3])
@@ -164,12 +157,10 @@ def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
         (PLACE, {}, None),
     ):
         path = tmp_path / f"{len(coords)}.zarr"
-        store = MapStore.create(
+        store = store_at(
             path,
-            (2, 2),
-            (2, 2),
-            PAINTS,
-            options={},
+            shape=(2, 2),
+            chunk=(2, 2),
             attrs={"map_info": info},
             coords={name: (v[:2], a) for name, (v, a) in coords.items()},
         )

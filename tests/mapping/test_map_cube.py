@@ -95,7 +95,7 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
     assert tallies["no data"] == 3
     # Sums of a set are those of its pixels, over all windows.
-    bands = WorkingBands.of(np.asarray(cube["wavelength"]), FEW)
+    bands = WorkingBands.of(cube["wavelength"].values, FEW)
     own = bands.means(cube.values.reshape(-1, cube.sizes["wavelength"]))
     named = np.where(found["explained"].values[..., None] == 1, np.sort(members), -1)
     for paints, one in sets.items():
@@ -115,7 +115,7 @@ def test_colours_are_those_of_the_spectra(made, cube):
     from glazejax.colour import srgb
 
     found = made[0]
-    wanted = np.asarray(srgb(np.asarray(cube["wavelength"]), cube.values[4:8, 4:8].astype(float)))
+    wanted = np.asarray(srgb(cube["wavelength"].values, cube.values[4:8, 4:8].astype(float)))
     assert np.abs(found["true_colour"].values[4:8, 4:8] / 255.0 - wanted).max() < 0.02
 
 
@@ -201,7 +201,7 @@ def test_spectra_far_from_all_others_are_searched(
     spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
     spectra = spectra + 0.001 * np.random.default_rng(1).standard_normal(spectra.shape).astype("f4")
     spectra[10, 20:30] = cube.values[15, 30]
-    grid = np.asarray(cube["wavelength"])
+    grid = cube["wavelength"].values
     found = map_cube(
         small.image(spectra, grid),
         small.paints(),
@@ -233,7 +233,7 @@ def test_a_window_that_the_mask_leaves_out_is_empty(
 
 @pytest.mark.slow
 def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
-    grid = np.asarray(cube["wavelength"])
+    grid = cube["wavelength"].values
     found = map_cube(
         small.image(cube.values[4:10, 4:12], grid),
         small.paints(),
@@ -266,7 +266,7 @@ def _hiding(paint: Pigment) -> np.ndarray:
 
 @pytest.mark.slow
 def test_a_spot_of_the_image_is_found_in_it(cube, options: dict[str, Any], tmp_path):
-    grid = np.asarray(cube["wavelength"])
+    grid = cube["wavelength"].values
     spectrum = cube.values[15, 30].astype(float)
     found = map_cube(
         small.image(cube.values[14:16, 28:32], grid),

@@ -24,7 +24,7 @@ from glazefit.mapping.store.windows import Window, chunk_shape, windows
 
 from ..refusals import refusal
 from ..slow import slow
-from .toy import BANDS, CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks, start_run, store_at
+from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Toy, full, run_chunks, start_run, store_at
 
 
 @pytest.fixture(scope="module")
@@ -163,25 +163,14 @@ def test_a_map_begun_with_other_options_is_kept(tmp_path):
     store = store_at(tmp_path / "map.zarr")
     run_chunks(store, Toy())
     with refusal(r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"):
-        MapStore.create(store.path, SHAPE, CHUNK, PAINTS, options={"noise": 0.01, "layers": 1})
+        store_at(store.path, options={"noise": 0.01, "layers": 1})
     with refusal(r"shape: \[38, 50\] there, \[38, 51\] now; paints: "):
-        MapStore.create(
-            store.path, (38, 51), CHUNK, PAINTS[:2], options={"noise": 0.003, "layers": 1}
-        )
+        store_at(store.path, shape=(38, 51), paints=PAINTS[:2])
     assert len(store_at(store.path).done()) == len(store.windows())
     # The windows of a map that is there stay, whatever a new memory bound would make of them.
-    goes_on = MapStore.create(
-        store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.003, "layers": 1}
-    )
-    assert goes_on.chunk == CHUNK
-    fresh = MapStore.create(
-        store.path,
-        SHAPE,
-        (10, 10),
-        PAINTS,
-        options={"noise": 0.01, "path": Path("a"), "t": (1,)},
-        overwrite=True,
-    )
+    assert store_at(store.path, chunk=(10, 10)).chunk == CHUNK
+    options = {"noise": 0.01, "path": Path("a"), "t": (1,)}
+    fresh = store_at(store.path, chunk=(10, 10), options=options, overwrite=True)
     assert not fresh.done()
     assert fresh.chunk == (10, 10)
     assert fresh.options["path"] == "a"

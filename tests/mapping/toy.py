@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,10 +72,15 @@ class Toy:
         return ChunkMaps(arrays, tallies, sets)
 
 
-def store_at(path: str | Path, **more) -> MapStore:
-    return MapStore.create(
-        path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more
-    )
+def store_at(path: str | Path, **changes) -> MapStore:
+    """A map of the usual size, but for these arguments."""
+    usual: dict[str, Any] = {
+        "shape": SHAPE,
+        "chunk": CHUNK,
+        "paints": PAINTS,
+        "options": {"noise": 0.003, "layers": 1},
+    }
+    return MapStore.create(path, **(usual | changes))
 
 
 def run_chunks(store: MapStore, solver, client=None, progress=no_progress) -> None:
