@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 
@@ -72,4 +74,4 @@ def test_no_log_file_and_no_root_logger(put, tmp_path):
     )
     done = run_python(code, path, cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("", "")
-    assert [file.name for file in tmp_path.iterdir()] == ["ochre.asd"]
+    assert os.listdir(tmp_path) == ["ochre.asd"]

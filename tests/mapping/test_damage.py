@@ -1,6 +1,7 @@
 """A map that is not as it was written: what is damaged is named when it is read, and mapped again."""
 
 import json
+import os
 import pickle
 import shutil
 from dataclasses import dataclass, field
@@ -119,7 +120,7 @@ def test_an_array_that_was_removed_is_made_again(path, tmp_path, undisturbed):  
     with refusal(r"is damaged \(thickness/c/./. is missing"):
         read_all(path)
     assert check_again(path, undisturbed, "", Toy()) == WINDOWS
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["map.zarr"]
+    assert os.listdir(tmp_path) == ["map.zarr"]
 
 
 def test_a_map_with_a_damaged_window_is_not_complete(path):
@@ -176,7 +177,7 @@ def test_a_damaged_window_is_not_exported(path, tmp_path, name):
     flip(path / "misfit" / "c" / "1" / "1")
     with refusal("window y16-32_x20-40 of"):
         export_map(path, tmp_path / name)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["map.zarr"]
+    assert os.listdir(tmp_path) == ["map.zarr"]
 
 
 def test_an_opened_map_can_be_sent_to_other_processes(undisturbed):  # noqa: F811

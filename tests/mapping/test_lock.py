@@ -1,5 +1,6 @@
 """Two runs never write one map, and no dead run keeps a living one from it."""
 
+import os
 from pathlib import Path
 
 from glazefit.mapping.store.lock import hold
@@ -29,7 +30,7 @@ def test_a_run_in_another_process_holds_its_map_until_it_dies(tmp_path):
     # The file of the killed run is still there, and holds nothing.
     assert (tmp_path / ".map.zarr.lock").exists()
     assert store_at(path, overwrite=True).done() == set()
-    assert [file.name for file in tmp_path.iterdir()] == ["map.zarr"]
+    assert os.listdir(tmp_path) == ["map.zarr"]
 
 
 def test_a_map_is_held_by_whatever_name(tmp_path, monkeypatch):
@@ -41,4 +42,4 @@ def test_a_map_is_held_by_whatever_name(tmp_path, monkeypatch):
                 pass
         with hold(Path("other.zarr")):
             pass
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["same"]
+    assert os.listdir(tmp_path) == ["same"]

@@ -174,7 +174,7 @@ def test_a_map_begun_with_other_options_is_kept(tmp_path):
     assert not fresh.done()
     assert fresh.chunk == (10, 10)
     assert fresh.options["path"] == "a"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.zarr"]
+    assert os.listdir(tmp_path) == ["map.zarr"]
 
 
 def test_what_is_no_map_is_never_replaced(tmp_path):
@@ -245,7 +245,7 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
         patch.setattr(Path, "replace", full)
         with refusal("nothing of the map was begun", OSError):
             store_at(tmp_path / "map.zarr")
-    assert not list(tmp_path.iterdir())
+    assert not os.listdir(tmp_path)
 
 
 def test_a_disk_that_is_full_in_the_survey_names_the_file_and_the_remedy(tmp_path, monkeypatch):
@@ -256,7 +256,7 @@ def test_a_disk_that_is_full_in_the_survey_names_the_file_and_the_remedy(tmp_pat
     with refusal("the disk is full; make room, then run the same", OSError) as found:
         results.put("search-0000", {"a": np.zeros(3)})
     assert found.value.filename == str(tmp_path / "work" / "search-0000.npz")
-    assert [path.name for path in results.folder.iterdir()] == ["survey.npz"]
+    assert os.listdir(results.folder) == ["survey.npz"]
     # Nor is a half of one counted that a killed run left.
     (results.folder / "search-0001.npz.part").write_bytes(b"half")
     assert KeyedResults(results.folder).done() == {"survey"}
