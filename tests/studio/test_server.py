@@ -48,6 +48,9 @@ def fail(asked, report):
     raise ValueError("nothing comes of this")
 
 
+run = partial(invoke, "studio")
+
+
 def get(link: str, **headers: str) -> tuple[int, str, dict[str, str]]:
     try:
         with urlopen(Request(link, headers=headers), timeout=30) as found:
@@ -112,6 +115,14 @@ def test_sockets_of_others_are_refused(served, token, origin):
         refused.recv(timeout=10)
 
 
+def soon(true, seconds=60):
+    """Assert that something comes true in time."""
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 def join(studio):
     link = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket"
     return connect(link, origin=Origin(f"http://127.0.0.1:{studio.port}"), max_size=None)
@@ -128,6 +139,12 @@ def until(talk, *types: str) -> dict:
         header = unpack(talk.recv(timeout=120))[0]
         if header["type"] in types and "progress" not in header:
             return header
+
+
+def running(talk, page: str) -> list[str]:
+    """Searches of a page, as it is told when it comes."""
+    talk.send(json.dumps({"type": "hello", "page": page}))
+    return until(talk, "hello")["running"]
 
 
 STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 1}]}
@@ -177,22 +194,17 @@ def test_a_search_survives_a_lost_connection(served, tmp_path, when):
         "options": {"path": str(path)},
     }
     with join(studio) as first:
-        first.send(json.dumps({"type": "hello", "page": "mine"}))
-        assert until(first, "hello")["running"] == []
+        assert running(first, "mine") == []
         first.send(json.dumps(ask))
         while unpack(first.recv(timeout=120))[0].get("progress", {}).get("seconds", 0) < 0.4:
             pass
     if when == "before":
         path.touch()
-        deadline = time.monotonic() + 60
-        while "mine one 1" not in studio.jobs._unheard and time.monotonic() < deadline:
-            time.sleep(0.05)
+        soon(lambda: "mine one 1" in studio.jobs._unheard)
     with join(studio) as other:
-        other.send(json.dumps({"type": "hello", "page": "other"}))
-        assert until(other, "hello")["running"] == []
+        assert running(other, "other") == []
     with join(studio) as again:
-        again.send(json.dumps({"type": "hello", "page": "mine"}))
-        assert until(again, "hello")["running"] == ["one 1"]
+        assert running(again, "mine") == ["one 1"]
         path.touch()
         assert until(again, "job")["result"] == "done"
 
@@ -207,10 +219,7 @@ def test_a_search_whose_page_stays_away_ends(served, tmp_path, monkeypatch):
 
     studio.jobs.start("gone one", "wait", given, tell)
     studio.jobs.leave(tell)
-    deadline = time.monotonic() + 30
-    while studio.jobs._running and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert studio.jobs._running == {}
+    soon(lambda: studio.jobs._running == {}, 30)
 
 
 def test_a_page_that_is_back_before_it_was_missed_keeps_its_search(served, tmp_path, monkeypatch):
@@ -230,9 +239,7 @@ def test_a_page_that_is_back_before_it_was_missed_keeps_its_search(served, tmp_p
     studio.jobs.leave(lost)
     time.sleep(0.5)
     path.touch()
-    deadline = time.monotonic() + 60
-    while not answers and time.monotonic() < deadline:
-        time.sleep(0.05)
+    soon(lambda: answers)
     assert answers == [("back one", "done")]
 
 
@@ -272,15 +279,12 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
 
 
 def test_what_the_command_cannot_do_is_told(tmp_path):
-    run = partial(invoke, "studio")
     assert "--port is 99999" in str(run("--port", "99999").exception)
-    missing = run(tmp_path / "none.json")
-    assert isinstance(missing.exception, FileNotFoundError)
+    assert isinstance(run(tmp_path / "none.json").exception, FileNotFoundError)
 
 
 def test_the_page_as_one_file(tmp_path):
     """Own paints and a stack to begin with are in it, and no host is named; nothing is replaced."""
-    run = partial(invoke, "studio")
     stack = write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
     mine, page = tmp_path / "mine.csv", tmp_path / "studio.html"
     rows = [f"Mine</script>,{w},1000,50000" for w in range(400, 701, 10)]
