@@ -14,13 +14,14 @@ from glazejax import colour
 from glazejax.stacks import read_stack, stack_from_dict
 
 from .browser import Page, Served
+from .coats import coat
 
 pytestmark = pytest.mark.browser
 
 TWO = {
     "glazejax": "stack",
     "version": 1,
-    "coats": [{"paint": {"CobaltBlue": 1}, "um": 1}, {"paint": {"ChromeYellow": 1}, "um": 6}],
+    "coats": [coat("CobaltBlue", 1), coat("ChromeYellow", 6)],
     "ground": "card",
     "geometry": "45:0",
 }
@@ -34,7 +35,7 @@ def with_top(um):
 
 def pure(paint):
     """A paint that hides the ground."""
-    return {**TWO, "coats": [{"paint": {paint: 1}, "um": 200}]}
+    return {**TWO, "coats": [coat(paint, 200)]}
 
 
 def fragment(stack):

@@ -18,12 +18,13 @@ from glazejax.studio.one_file import bundle, page_text
 from glazejax.studio.page_data import page_data
 
 from ..slow import slow
+from .coats import coat
 from .node import run
 
 STACK = {
     "glazejax": "stack",
     "coats": [
-        {"paint": {"CobaltBlue": 1}, "um": 1},
+        coat("CobaltBlue", 1),
         {"paint": {"ZincWhite": 3, "Vermillion": 1}, "um": 9},
     ],
     "ground": "card",
@@ -56,12 +57,17 @@ def known():
     return page_data()
 
 
+def ask(code, **given):
+    """The page's answer, of all that it knows by itself and what is given."""
+    return run(code, {"data": known(), **given})
+
+
 def see(stack):
-    return run(_SEE, {"data": known(), "stack": stack, "view": VIEW})
+    return ask(_SEE, stack=stack, view=VIEW)
 
 
 def check(*given):
-    return run(_CHECK, {"data": known(), "all": list(given)})
+    return ask(_CHECK, all=given)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +154,7 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
     one = gj.catalogue.pigment("Vermillion")
     sd = {"absorption_sd": 0.1 * np.asarray(one.absorption), "scattering_sd": np.zeros(31)}
     mine = gj.Pigment("Mine", one.wavelengths, one.absorption, one.scattering, **sd)
-    stack = {**STACK, "coats": [{"paint": {"Mine": 1}, "um": 3}]}
+    stack = {**STACK, "coats": [coat("Mine", 3)]}
     found = see({**stack, "pigments": {"Mine": pigment_to_dict(mine)}})
     more = gj.Pigment("more", one.wavelengths, 1.001 * np.asarray(one.absorption), one.scattering)
     spectra = [
@@ -159,13 +165,13 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
 
 
 def test_a_paint_that_does_not_say_how_sure_it_is_has_no_band():
-    found = see({**STACK, "coats": [{"paint": {"acrylics/TitaniumWhite": 1}, "um": 9}]})
+    found = see({**STACK, "coats": [coat("acrylics/TitaniumWhite", 9)]})
     assert found["sd"] is None
     assert "TitaniumWhite" in found["rest"]
 
 
 def test_paints_of_which_only_k_over_s_is_known_are_named():
-    found = see({**STACK, "coats": [{"paint": {"LeadWhite": 1}, "um": 9}]})
+    found = see({**STACK, "coats": [coat("LeadWhite", 9)]})
     assert any("LeadWhite" in words and "only k/s is known" in words for words in found["doubts"])
     assert see(STACK)["doubts"] == []
 
@@ -181,7 +187,7 @@ def test_the_shelf_shows_paints_as_they_are():
         const { Eye } = await load("seen"), eye = new Eye(given.data);
         return given.names.map((name) => eye.swatch(name).map((one) => one.rgb));
     """
-    for name, rgb in zip(names, run(code, {"data": known(), "names": names}), strict=True):
+    for name, rgb in zip(names, ask(code, names=names), strict=True):
         catalogue, _, own = name.rpartition("/")
         paint = gj.catalogue.load(catalogue or "oils")[own]
         for thickness, shown in zip((0.01, 5e-6), rgb, strict=True):
@@ -205,7 +211,7 @@ _PAINTS = """
 
 
 def read_paints(*texts):
-    return run(_PAINTS, {"data": known(), "texts": texts})
+    return ask(_PAINTS, texts=texts)
 
 
 def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
@@ -291,11 +297,11 @@ BAD = [
     ({"text": '{"glazejax": "sta'}, "cut short"),
     (question_with(coats=STACK["coats"] * 5), "8 at most"),
     (question_with(coats=STACK["coats"] * 51), f"{MOST_COATS} coats at most"),
-    (question_with(coats=[{"paint": {"Eosin": 1}, "um": 1e9}]), "between 0 and 10000"),
-    (question_with(coats=[{"paint": {"Eosin": 1}, "um": "5 um"}]), "without a unit"),
+    (question_with(coats=[coat("Eosin", 1e9)]), "between 0 and 10000"),
+    (question_with(coats=[coat("Eosin", "5 um")]), "without a unit"),
     (question_with(coats=[{"paint": {"Eosin": 0}, "um": 5}]), "all parts are 0"),
     (
-        question_with(coats=[{"paint": {"CobaltBleu": 1}, "um": 5}]),
+        question_with(coats=[coat("CobaltBleu", 5)]),
         "nearest is CobaltBlue",
     ),
     (question_with(ground=40), "the ground is 40"),
@@ -343,7 +349,7 @@ def test_a_check_gives_the_stack_as_it_is_understood():
 def test_lines_of_python_run_and_give_the_same_spectrum():
     code = 'return (await load("lines")).pythonLines(given.stack, given.data);'
     whole = {**STACK, "refractive_index": 1.5}
-    text = run(code, {"data": known(), "stack": whole})
+    text = ask(code, stack=whole)
     assert len(text.splitlines()) <= 12
     names = {}
     exec(text.replace("print(", "found = ("), names)
@@ -351,17 +357,17 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
     expected = gj.reflectance(stack.glaze(), stack.instrument)
     assert_allclose(names["spectrum"], expected, atol=1e-9)
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
-    assert "gj.load_glaze" in run(code, {"data": known(), "stack": {**whole, "pigments": own}})
+    assert "gj.load_glaze" in ask(code, stack={**whole, "pigments": own})
 
 
 EIGHT = [
     *STACK["coats"],
-    {"paint": {"LeadWhite": 1}, "um": 2},
-    {"paint": {"Eosin": 1}, "um": 3},
-    {"paint": {"ViridianGreen": 1}, "um": 1},
-    {"paint": {"ChromeYellow": 1}, "um": 4},
+    coat("LeadWhite", 2),
+    coat("Eosin", 3),
+    coat("ViridianGreen", 1),
+    coat("ChromeYellow", 4),
     {"paint": {"Minium": 1, "ZincWhite": 4}, "um": 6},
-    {"paint": {"PrussianBlue": 1}, "um": 0.5},
+    coat("PrussianBlue", 0.5),
 ]
 _BRUSH = """
     const { Eye } = await load("seen"), { checkStack } = await load("check"), { Combinations, fillLevels, makeTable, readTable } = await load("table");
@@ -402,14 +408,8 @@ def test_brushed_pixels_are_those_of_a_full_computation(coats, quick, within):
     # A third of what was brushed with eight coats is bare of each.
     bare = 0.0 if coats < 4 else 0.33
     maps = [top * rng.random(300) * (rng.random(300) >= bare) for top in tops]
-    whole = {
-        "data": known(),
-        "stack": given,
-        "tops": tops,
-        "maps": [one.tolist() for one in maps],
-        "quick": quick,
-    }
-    found = run(_BRUSH, whole)
+    lists = [one.tolist() for one in maps]
+    found = ask(_BRUSH, stack=given, tops=tops, maps=lists, quick=quick)
     pixels = np.array(found["pixels"]).reshape(-1, 4)
     stack = stack_from_dict(given)
     thickness = [

@@ -16,13 +16,14 @@ from glazejax import colour
 from glazejax.stacks import stack_from_dict
 
 from .browser import start_browser
+from .coats import coat
 
 pytest.importorskip("anywidget", reason="anywidget is not installed (extra studio)")
 
 from glazejax.studio import Widget, one_file
 from glazejax.studio.messages import pack, unpack
 
-STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 4}]}
+STACK = {"glazejax": "stack", "coats": [coat("Eosin", 4)]}
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def test_its_stack_is_read_and_set(wired):
     found.set_trait("stack", stack_from_dict(STACK))
     assert found.stack["ground"] == "card"
     with pytest.raises(ValueError, match="there is no pigment"):
-        found.stack = {**STACK, "coats": [{"paint": {"Nothing": 1}, "um": 4}]}
+        found.stack = {**STACK, "coats": [coat("Nothing", 4)]}
     assert found.stack["ground"] == "card"
     assert isinstance(type(found).stack, traitlets.TraitType)
     assert "stack" in found.keys
