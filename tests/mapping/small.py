@@ -2,7 +2,6 @@
 searched.
 """
 
-import dataclasses
 import functools
 from unittest import mock
 
@@ -58,8 +57,7 @@ def _solved(number, wavelengths, ground):
 @functools.cache
 def scene() -> Painting:
     """A painting with other paints in it too."""
-    made = painting((24, 40), 61, seed=5)
-    return Solved(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
+    return Solved(**vars(painting((24, 40), 61, seed=5)))
 
 
 def image(spectra: np.ndarray, wavelengths: np.ndarray) -> xarray.DataArray:

@@ -20,6 +20,7 @@ from glazejax.geometry import resolve_instrument
 from tests.mapping import small
 
 from ..refusals import refusal
+from .toy import Said
 
 GRID = np.arange(400.0, 901.0, 10.0)
 PAINTED = ("azurite", "vermilion", "yellow ochre", "lead white")
@@ -49,11 +50,9 @@ KNOWN = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
 def made(cube, paints, tmp_path_factory):
     """A map, what it said on the way, and where it lies."""
     identify_pigments._SEARCHES.clear()
-    said: list[tuple[int, int | None, str]] = []
+    said = Said()
     out = tmp_path_factory.mktemp("map") / "map.zarr"
-    found = map_cube(
-        cube, paints, opaque=True, out=out, progress=lambda *n: said.append(n), **KNOWN
-    )
+    found = map_cube(cube, paints, opaque=True, out=out, progress=said, **KNOWN)
     return found, said, out
 
 

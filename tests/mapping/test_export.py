@@ -15,7 +15,7 @@ from glazefit.mapping.store.store import MapStore, open_map
 
 from ..refusals import refusal
 from .test_store import unfinish
-from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Toy, full, run_chunks, store_at
+from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Said, Toy, full, run_chunks, store_at
 
 xarray = pytest.importorskip("xarray")
 
@@ -186,17 +186,15 @@ def test_files_are_checked_before(store, tmp_path):
 
 @pytest.mark.parametrize("name", ["map.nc", "map.hdr", "map.bsq"])
 def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
-    told = []
-
     monkeypatch.setattr("glazefit.mapping.store.export._bands", full)
     monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
     with refusal("the disk is full; the map itself is kept", OSError):
-        export_map(store.path, tmp_path / name, progress=lambda *n: told.append(n))
+        export_map(store.path, tmp_path / name)
     assert not os.listdir(tmp_path)
 
 
 def test_progress_is_told(store, tmp_path):
-    told = []
-    export_map(store.path, tmp_path / "map.bsq", progress=lambda *n: told.append(n))
+    told = Said()
+    export_map(store.path, tmp_path / "map.bsq", progress=told)
     assert told == [(number + 1, WINDOWS, "writing the bands") for number in range(WINDOWS)]
     assert sorted(os.listdir(tmp_path)) == ["map.bsq", "map.hdr"]

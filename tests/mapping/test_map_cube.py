@@ -21,6 +21,7 @@ from glazejax.io import CubeSource
 from tests.mapping import small
 
 from ..refusals import refusal
+from .toy import Said
 
 NOISE = Noise(0.003, 0.0003)
 FEW = [small.paints()[small.PAINTS.index(name)] for name in small.FEW]
@@ -58,13 +59,9 @@ def options(cube) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def made(cube, options, tmp_path_factory):
     """A map by few paints, what it said on the way, and where it lies."""
-    said: list[tuple[int, int | None, str]] = []
+    said = Said()
     out = tmp_path_factory.mktemp("map") / "map.zarr"
-    return (
-        map_cube(cube, FEW, out=out, progress=lambda *n: said.append(n), **options),
-        said,
-        out,
-    )
+    return map_cube(cube, FEW, out=out, progress=said, **options), said, out
 
 
 def test_every_pixel_is_answered_or_marked(made, cube):

@@ -24,7 +24,7 @@ from glazefit.mapping.store.windows import Window, chunk_shape, windows
 
 from ..refusals import refusal
 from ..slow import slow
-from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Toy, full, run_chunks, start_run, store_at
+from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Said, Toy, full, run_chunks, start_run, store_at
 
 
 @pytest.fixture(scope="module")
@@ -150,9 +150,9 @@ def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
     assert store.done() == set(Counted.asked)
     before = set(Counted.asked)
     Counted.asked = []
-    said: list[tuple[int, int | None, str]] = []
+    said = Said()
     with pytest.raises(KeyboardInterrupt):
-        run_chunks(store_at(tmp_path / "map.zarr"), Counted(), progress=lambda *n: said.append(n))
+        run_chunks(store_at(tmp_path / "map.zarr"), Counted(), progress=said)
     assert not set(Counted.asked) & before
     assert said == [(done, WINDOWS, "mapping") for done in range(3, 7)]
     run_chunks(store_at(tmp_path / "map.zarr"), Toy())

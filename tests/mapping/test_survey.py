@@ -7,22 +7,24 @@ from hypothesis import strategies as st
 from glazefit.mapping.solve.survey import Features, spread_out, survey
 
 
+def distances(points, chosen):
+    """Of each point from those that are chosen."""
+    return np.linalg.norm(points[:, None] - points[chosen], axis=-1)
+
+
 @given(st.integers(2, 100), st.integers(0, 2**31))
 def test_points_are_spread_out_to_a_reach(count, seed):
     points = np.random.default_rng(seed).standard_normal((count, 3))
     chosen = spread_out(points, count, 0.5)
-    apart = np.linalg.norm(points[:, None] - points[chosen], axis=-1)
-    assert apart.min(axis=1).max() <= 0.5 + 1e-12
+    assert distances(points, chosen).min(axis=1).max() <= 0.5 + 1e-12
     # All that are chosen are farther from each other than the reach.
-    between = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + 10.0 * np.eye(
-        len(chosen)
-    )
+    between = distances(points, chosen)[chosen] + 10.0 * np.eye(len(chosen))
     assert between.min() > 0.5
     assert len(spread_out(points, 2, 1e-6)) == 2
     # Each within its own reach: noise makes no representative.
     noisy = np.where(np.arange(count) < count // 2, 100.0, 0.5)
     chosen = spread_out(points, count, noisy)
-    apart = np.linalg.norm(points[:, None] - points[chosen], axis=-1).min(axis=1)
+    apart = distances(points, chosen).min(axis=1)
     assert (apart <= noisy + 1e-12).all()
     assert (chosen[1:] >= count // 2).all()
 

@@ -89,6 +89,13 @@ def run_chunks(store: MapStore, solver, client=None, progress=no_progress) -> No
         solve_windows(store, solver.solve, client, progress)
 
 
+class Said(list[tuple[int, int | None, str]]):
+    """What a progress is told."""
+
+    def __call__(self, *step: Any) -> None:
+        self.append(step)
+
+
 def full(*_, **__):
     """What a full disk says to any call."""
     raise OSError(errno.ENOSPC, "No space left on device")

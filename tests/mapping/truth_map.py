@@ -1,6 +1,5 @@
 """A map as a perfect solver would give it, from the truth of the example painting."""
 
-import dataclasses
 from unittest import mock
 
 import numpy as np
@@ -26,8 +25,7 @@ class Rough(Painting):
 
 def painting(shape: tuple[int, int], seed: int) -> Rough:
     """A painting on `GRID`."""
-    made = known_painting.painting(shape, GRID, seed=seed)
-    return Rough(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
+    return Rough(**vars(known_painting.painting(shape, GRID, seed=seed)))
 
 
 def truth_map(painting: Painting):
