@@ -494,8 +494,9 @@ def _fixed(rows: int) -> Callable[[bytes, Any], str]:
 
     def counts(content: bytes, found: Any) -> str:
         right = "ENVI" not in found.format or found.reflectance.shape == (rows, GRID.size)
-        told = any("left out" in note for note in found.notes)
-        return "" if right or told else f"{found!r} where the header declares {rows} of 31 bands"
+        if right or _leaves_out(found):
+            return ""
+        return f"{found!r} where the header declares {rows} of 31 bands"
 
     return counts
 
@@ -504,6 +505,11 @@ def _note_numbers(found: Any, words: str) -> list[int]:
     """Numbers of the notes that begin with these words."""
     matches = [re.match(words, note) for note in found.notes]
     return [int(match[1]) for match in matches if match]
+
+
+def _leaves_out(found: Any) -> bool:
+    """Whether notes say that something is left out."""
+    return any("left out" in note for note in found.notes)
 
 
 def _lines(content: bytes, found: Any) -> str:
@@ -552,8 +558,7 @@ def _cxf(content: bytes, found: Any) -> str:
 
 def _jcamp(content: bytes, found: Any) -> str:
     promised = {word.strip() for word in re.findall(rb"^##NPOINTS=(.*)$", content, re.MULTILINE)}
-    whole = not any("left out" in note for note in found.notes)
-    wrong = whole and promised and b"%d" % found.wavelengths.size not in promised
+    wrong = not _leaves_out(found) and promised and b"%d" % found.wavelengths.size not in promised
     wrong = wrong and "JCAMP" in found.format
     try:
         same = {float(word) for word in promised} == {found.wavelengths.size}
@@ -566,8 +571,8 @@ def _asd(content: bytes, found: Any) -> str:
     if "ASD" not in found.format:
         return ""
     (channels,) = struct.unpack_from("<H", content, 204)
-    whole = not any("left out" in note for note in found.notes)
-    return f"{channels} channels, {found!r}" if whole and channels != found.wavelengths.size else ""
+    wrong = channels != found.wavelengths.size and not _leaves_out(found)
+    return f"{channels} channels, {found!r}" if wrong else ""
 
 
 def _json(content: bytes, found: Any) -> str:
@@ -586,9 +591,7 @@ def _envi_counts(content: bytes, found: Any) -> str:
         if len(numbers) != 1:
             return ""
         sizes[title] = int(numbers[0])
-    if any("left out" in note for note in found.notes):
-        return ""
-    if "ENVI" not in found.format:
+    if _leaves_out(found) or "ENVI" not in found.format:
         return ""
     rows = len(found)
     right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]

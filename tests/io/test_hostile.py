@@ -16,13 +16,10 @@ import numpy as np
 import pytest
 from hypothesis import event, given
 
-from glazefit.film.readers import read_films, read_recipes
 from glazejax.appearance.scene.file import read_scene
 from glazejax.appearance.scene.file_materials import read_grey
-from glazejax.appearance.scene.lights import measured_lamp
 from glazejax.commands import main as cli
 from glazejax.io import SpectraTable, open_cube, read_sample, read_spectra, source, write_spectra
-from glazejax.paint.pigment_table import read_pigments
 
 from ..fresh import run_python
 from ..refusals import refusal
@@ -41,19 +38,13 @@ from .samples import (
     spectra,
 )
 
-READERS = [
-    read_spectra,
-    open_cube,
-    read_films,
-    read_recipes,
-    read_pigments,
-    read_scene,
-    read_grey,
-    lambda path: measured_lamp(path, GRID),
-    lambda path: read_sample(str(path)),
-]
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
 SUBJECTS = subjects()
+READERS = [
+    *dict.fromkeys(subject.read for subject in SUBJECTS.values()),
+    open_cube,
+    lambda path: read_sample(str(path)),
+]
 has_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 CONTENTS = [subject.content for subject in SUBJECTS.values()]
 
@@ -291,7 +282,7 @@ def test_hostile_files_end_in_one_sentence(put, name, content, complaint):
         (read_spectra, "Name,R{run}400,410\nred,0.1,0.2\n"),
         (read_spectra, "nm;red\n400;0,1\n4{run}10;0,2\n"),
         (read_spectra, "a line\nred,-400{run}x,R410\nblue,0.1,0.2\n"),
-        (READERS[-2], "nm,one{commas}\n380,bright\n780,1\n"),
+        (SUBJECTS["lamp"].read, "nm,one{commas}\n380,bright\n780,1\n"),
     ],
 )
 def test_long_runs_of_one_letter_are_refused_soon(put, reader, content):
