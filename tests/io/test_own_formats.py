@@ -17,7 +17,7 @@ from scipy.io import savemat
 from glazejax.io import open_cube
 
 from ..refusals import refusal
-from .cubes.images import WAVELENGTHS, image
+from .cubes.images import IMAGE, WAVELENGTHS
 from .cubes.test_kinds import agree
 from .samples import GRID, same, spectra
 
@@ -117,8 +117,8 @@ def test_a_table_may_begin_with_such_a_word(read):
 @pytest.mark.parametrize("row", [True, False])
 def test_matlab_5_cubes(tmp_path, row):
     wavelengths = np.array(WAVELENGTHS)[None if row else slice(None), ...]
-    savemat(tmp_path / "scene.mat", {"R": image(), "lambda": wavelengths, "note": "made up"})
-    agree(open_cube(tmp_path / "scene.mat"), image())
+    savemat(tmp_path / "scene.mat", {"R": IMAGE, "lambda": wavelengths, "note": "made up"})
+    agree(open_cube(tmp_path / "scene.mat"), IMAGE)
 
 
 @pytest.mark.parametrize("block", [0, 512])
@@ -127,18 +127,18 @@ def test_matlab_7_cubes_have_their_axes_in_reverse(tmp_path, block):
 
     path = tmp_path / "scene.mat"
     with h5py.File(path, "w", userblock_size=block) as file:
-        file["R"] = image().transpose(2, 1, 0)
+        file["R"] = IMAGE.transpose(2, 1, 0)
         file["wavelengths"] = np.array(WAVELENGTHS)[:, None]
     if block:
         with path.open("r+b") as stream:
             stream.write(b"MATLAB 7.3 MAT-file")
-    agree(open_cube(path), image())
+    agree(open_cube(path), IMAGE)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_a_folder_of_png_is_a_cube_of_counts(tmp_path, dtype):
     most = int(np.iinfo(dtype).max)
-    values = np.round(image() * most).astype(dtype)
+    values = np.round(IMAGE * most).astype(dtype)
     for number, nm in enumerate(WAVELENGTHS):
         Image.fromarray(values[..., number]).save(tmp_path / f"scene_{nm:g}nm.png")
     cube = open_cube(tmp_path, scale=most)

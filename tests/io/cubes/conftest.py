@@ -2,9 +2,9 @@
 
 import pytest
 
-from .images import every, image
+from .images import IMAGE, every
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    return every(tmp_path_factory.mktemp("files"), image())
+    return every(tmp_path_factory.mktemp("files"), IMAGE)

@@ -19,6 +19,11 @@ def image(seed=0, lines=LINES, samples=SAMPLES):
     return np.random.default_rng(seed).integers(1, 10_000, (lines, samples, BANDS)) / 10_000
 
 
+IMAGE = image()
+"""The usual one, which no test writes into."""
+IMAGE.setflags(write=False)
+
+
 def binned(values, each):
     """Means that ignore NaN, of the bins that are full."""
     y, x, z = (n // k for n, k in zip(values.shape, each, strict=True))
@@ -30,7 +35,8 @@ def binned(values, each):
 
 def envi(
     folder: Path,
-    values: np.ndarray,
+    values: np.ndarray = IMAGE,
+    /,
     *,
     interleave: Any = "bsq",
     dtype: Any = "u2",
@@ -77,7 +83,7 @@ def holes(folder, interleave, lines, samples, wavelengths):
 
 def bright_image(folder: Path) -> Path:
     """Such an image with one reading as high as there are."""
-    path = envi(folder, image())
+    path = envi(folder)
     raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
     raw[2, 5, 6] = 65535
     raw.flush()

@@ -9,20 +9,17 @@ from numpy.testing import assert_allclose
 from glazejax.io import open_cube, write_table
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, binned, bright_image, envi, image
+from .images import BANDS, IMAGE, LINES, SAMPLES, WAVELENGTHS, binned, bright_image, envi
 
 
 @pytest.fixture
 def scene(tmp_path):
-    """Readings of 16 bits of a camera with a dark signal and an uneven light, and what they stand
-    for.
-    """
+    """Readings of 16 bits of the usual image by a camera with a dark signal and an uneven light."""
     rng = np.random.default_rng(1)
-    truth = image()
     dark = rng.integers(80, 120, (LINES, SAMPLES, BANDS))
     white = dark + rng.integers(20_000, 40_000, (1, SAMPLES, BANDS))
-    raw = np.round(dark + truth * (white - dark)).astype(int)
-    return tmp_path, truth, raw, white, dark
+    raw = np.round(dark + IMAGE * (white - dark)).astype(int)
+    return tmp_path, raw, white, dark
 
 
 def counts(folder, values, name, **further):
@@ -36,18 +33,18 @@ def readings(folder, **cubes) -> dict:
 
 
 def test_references_of_the_cubes_size(scene):
-    folder, truth, raw, white, dark = scene
+    folder, raw, white, dark = scene
     paths = readings(folder, path=raw, white=white, dark=dark)
     cube = open_cube(**paths, white_reflectance=0.98)
     expected = (raw - dark) / (white - dark) * 0.98
     assert_allclose(cube.values, expected, rtol=2e-6)
-    assert_allclose(cube.values, truth * 0.98, atol=4e-5)
+    assert_allclose(cube.values, IMAGE * 0.98, atol=4e-5)
     part = cube.isel(y=slice(3, 19, 5), x=slice(4, 9))
     assert_allclose(part.values, expected[3:19:5, 4:9], rtol=2e-6)
 
 
 def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
-    folder, _, raw, white, dark = scene
+    folder, raw, white, dark = scene
     cube = open_cube(
         counts(folder, raw, "raw", interleave="bil"),
         white=counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
@@ -65,7 +62,7 @@ def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
 
 
 def test_one_spectrum_as_text_npy_or_a_pixel(scene):
-    folder, _, raw, white, dark = scene
+    folder, raw, white, dark = scene
     path = counts(folder, raw, "raw")
     one, zero = white[0, 0].astype(float), dark[0, 0].astype(float)
     (folder / "white.txt").write_text("# counts\n" + "\n".join(map(str, one)))
@@ -82,7 +79,7 @@ def test_one_spectrum_as_text_npy_or_a_pixel(scene):
 
 
 def test_the_whites_own_spectrum(scene):
-    folder, _, raw, white, dark = scene
+    folder, raw, white, dark = scene
     own = np.linspace(0.9, 0.99, 12)
     grid = np.linspace(390, 510, 12)
     write_table(
@@ -102,7 +99,7 @@ def test_the_whites_own_spectrum(scene):
 
 
 def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
-    folder, _, raw, white, dark = scene
+    folder, raw, white, dark = scene
     white[:, 3, 2] = dark[:, 3, 2]
     white[:, 4, 2] = dark[:, 4, 2] - 1
     white[:, 5, 2] = 65535
@@ -142,12 +139,10 @@ def test_saturated_readings_in_bins_without_calibration(tmp_path):
     ],
 )
 def test_references_of_another_size(tmp_path, size, complaint):
-    path = counts(tmp_path, image() * 10_000, "raw")
+    path = counts(tmp_path, IMAGE * 10_000, "raw")
     np.save(tmp_path / "white.npy", np.full(size, 20_000, "u2"))
     if complaint is None:
-        assert_allclose(
-            open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5
-        )
+        assert_allclose(open_cube(path, white=tmp_path / "white.npy").values, IMAGE / 2, rtol=1e-5)
         return
     with refusal(complaint) as caught:
         open_cube(path, white=tmp_path / "white.npy")
@@ -155,7 +150,7 @@ def test_references_of_another_size(tmp_path, size, complaint):
 
 
 def test_calibrations_that_mean_nothing(tmp_path):
-    path = counts(tmp_path, image() * 10_000, "raw")
+    path = counts(tmp_path, IMAGE * 10_000, "raw")
     white = tmp_path / "white.npy"
     np.save(white, np.full(BANDS, 20_000.0))
     with refusal("a dark reference alone"):
@@ -165,7 +160,7 @@ def test_calibrations_that_mean_nothing(tmp_path):
     for own in (0, -1, 99, np.nan):
         with refusal("the white's own reflectance is"):
             open_cube(path, white=white, white_reflectance=own)
-    other = counts(tmp_path, image() * 10_000, "other", wavelengths=np.array(WAVELENGTHS) + 3)
+    other = counts(tmp_path, IMAGE * 10_000, "other", wavelengths=np.array(WAVELENGTHS) + 3)
     with refusal("other wavelengths than the cube"):
         open_cube(path, white=other)
     np.save(tmp_path / "short.npy", np.ones(BANDS - 1))

@@ -16,13 +16,13 @@ from tests.io import samples
 from ...refusals import refusal
 from .images import (
     BANDS,
+    IMAGE,
     KINDS,
     LINES,
     SAMPLES,
     WAVELENGTHS,
     envi,
     hdf5,
-    image,
     labelled,
     tiff,
     tiffs,
@@ -33,7 +33,7 @@ refused = partial(samples.refused, read=open_cube)
 
 
 def test_header_that_promises_more_than_there_is(tmp_path):
-    path = envi(tmp_path, image())
+    path = envi(tmp_path)
     data = path.with_suffix(".img")
     data.write_bytes(data.read_bytes()[:-1])
     refused(path, "promises .* the file was cut short")
@@ -51,16 +51,16 @@ def test_header_that_promises_more_than_there_is(tmp_path):
     ],
 )
 def test_wavelengths_that_are_none(tmp_path, wavelengths, complaint):
-    refused(envi(tmp_path, image(), wavelengths=wavelengths), complaint)
+    refused(envi(tmp_path, wavelengths=wavelengths), complaint)
 
 
 def test_given_wavelengths(tmp_path):
-    path = envi(tmp_path, image(), wavelengths=None)
-    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    path = envi(tmp_path, wavelengths=None)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, IMAGE, atol=1e-6)
     micrometres = np.array(WAVELENGTHS) / 1000
     assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
-    envi(tmp_path, image(), wavelengths=range(1, 8))
-    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    envi(tmp_path, wavelengths=range(1, 8))
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, IMAGE, atol=1e-6)
     refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
     (tmp_path / "image.txt").write_text("400 410 x")
     refused(tmp_path / "image.txt", "not an image of spectra")
@@ -73,7 +73,7 @@ def test_given_wavelengths(tmp_path):
 
 
 def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
-    path = envi(tmp_path, image())
+    path = envi(tmp_path)
     for window in (
         (0, LINES + 1, 0, 3),
         (5, 5, 0, 3),
@@ -102,7 +102,7 @@ def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
 
 
 def test_datasets_that_are_not_there(tmp_path):
-    path = hdf5(tmp_path, image())
+    path = hdf5(tmp_path, IMAGE)
     refused(
         path,
         "no dataset 'cube' with three axes of numbers; there are SITE/Reflectance/Refl",
@@ -110,7 +110,7 @@ def test_datasets_that_are_not_there(tmp_path):
     )
     with h5py.File(path, "a") as file:
         for group in "ab":
-            file.create_dataset(f"{group}/raw", data=image())
+            file.create_dataset(f"{group}/raw", data=IMAGE)
     assert open_cube(path)["wavelength"].size == BANDS  # one is called reflectance
     refused(
         path, "'raw' is the name of 2 arrays: say which with its groups: .*a/raw", dataset="raw"
@@ -118,8 +118,8 @@ def test_datasets_that_are_not_there(tmp_path):
     with h5py.File(path, "a") as file:
         file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
     refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
-    assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
-    refused(envi(tmp_path, image()), "has no datasets; leave 'x' out", dataset="x")
+    assert_allclose(open_cube(path, dataset="b/raw").values, IMAGE, atol=1e-6)
+    refused(envi(tmp_path), "has no datasets; leave 'x' out", dataset="x")
 
 
 def test_files_without_an_image(tmp_path):
@@ -189,7 +189,7 @@ def test_damaged_files_are_read_or_refused_in_one_line(files, kind):
 
 
 def test_folders_of_tiffs_that_do_not_belong_together(tmp_path):
-    path = tiffs(tmp_path, image(), form="f{:g}.tif")
+    path = tiffs(tmp_path, IMAGE, form="f{:g}.tif")
     tifffile.imwrite(path / "f480.tif", np.ones((LINES, SAMPLES), "u1"))
     refused(path, "uint8 where f400.tif has")
     (path / "f480.tif").write_bytes(b"no")
@@ -216,4 +216,4 @@ def test_image_without_any_data(tmp_path):
 
 
 def test_wavelengths_of_another_number_of_pages_are_not_used(tmp_path):
-    refused(tiff(tmp_path, image()[..., :3], name="three.tif"), "no wavelengths for 3 bands")
+    refused(tiff(tmp_path, IMAGE[..., :3], name="three.tif"), "no wavelengths for 3 bands")

@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax.io import open_cube, probe, read_spectra
 
 from .images import (
+    IMAGE,
     KINDS,
     LINES,
     PACKED,
@@ -46,10 +47,9 @@ def agree(cube, values, atol=2e-7):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_is_the_same_image(files, kind):
-    values = image()
     cube = open_cube(**files[kind])
-    agree(cube, values)
-    assert cube.attrs["shape_in_file"] == [*values.shape]
+    agree(cube, IMAGE)
+    assert cube.attrs["shape_in_file"] == [*IMAGE.shape]
     assert cube.attrs["unit"] == "fraction"
     assert "saturated" not in cube.attrs
 
@@ -62,7 +62,7 @@ def test_every_kind_is_the_same_image(files, kind):
     ],
 )
 def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dtype):
-    values = np.round(image() * 100) / 100 if dtype == "u1" else image()
+    values = np.round(IMAGE * 100) / 100 if dtype == "u1" else IMAGE
     scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
     path = envi(tmp_path, values, interleave=interleave, dtype=dtype, order=order, **scale)
     agree(open_cube(path), values)
@@ -75,14 +75,13 @@ def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dt
 
 
 def test_envi_as_a_table_of_its_pixels(tmp_path):
-    values = image()
     fields = {
         "bbl": [1, 0, 1, 1, 1, 1, 1],
         "data ignore value": 5,
         "wavelength units": "Micrometers",
     }
     micrometres = np.array(WAVELENGTHS[::-1]) / 1000
-    path = envi(tmp_path, values, wavelengths=micrometres, **fields)
+    path = envi(tmp_path, wavelengths=micrometres, **fields)
     table, new = read_spectra(path), open_cube(path)
     assert_allclose(new["wavelength"], table.wavelengths)
     pixels = new.values.reshape(-1, table.wavelengths.size)
@@ -94,12 +93,11 @@ def test_envi_as_a_table_of_its_pixels(tmp_path):
 
 
 def test_data_after_a_header_of_their_own(tmp_path):
-    values = image()
-    path = envi(tmp_path, values, interleave="bil", dtype="i2")
+    path = envi(tmp_path, interleave="bil", dtype="i2")
     data = path.with_suffix(".img")
     data.write_bytes(b"x" * 77 + data.read_bytes())
     path.write_text(path.read_text().replace("header offset = 0", "header offset = 77"))
-    agree(open_cube(path), values)
+    agree(open_cube(path), IMAGE)
 
 
 @pytest.mark.parametrize("dtype", ["u2", "f4"])
@@ -140,18 +138,17 @@ def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
 
 
 def test_percent_and_given_scales(tmp_path):
-    values = image()
-    assert open_cube(envi(tmp_path, values * 100, dtype="f4")).attrs["unit"] == "percent"
-    assert_allclose(open_cube(tmp_path / "image.hdr").values, values, atol=1e-6)
-    envi(tmp_path, values * 5000, dtype="f4")
+    assert open_cube(envi(tmp_path, IMAGE * 100, dtype="f4")).attrs["unit"] == "percent"
+    assert_allclose(open_cube(tmp_path / "image.hdr").values, IMAGE, atol=1e-6)
+    envi(tmp_path, IMAGE * 5000, dtype="f4")
     with pytest.raises(ValueError, match=r"too much for .* percent .*; give the scale"):
         open_cube(tmp_path / "image.hdr")
-    assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6)
+    assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, IMAGE, atol=1e-6)
 
 
 def test_a_given_scale_goes_before_the_files_own(tmp_path):
-    cube = open_cube(envi(tmp_path, image()), scale=20_000)
-    assert_allclose(cube.values, image() / 2, atol=1e-6)
+    cube = open_cube(envi(tmp_path), scale=20_000)
+    assert_allclose(cube.values, IMAGE / 2, atol=1e-6)
     assert any(
         "10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"]
     )
@@ -162,15 +159,13 @@ def test_a_given_scale_goes_before_the_files_own(tmp_path):
 )
 def test_saturated_is_the_types_largest_number(tmp_path, dtype, top):
     scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
-    assert open_cube(envi(tmp_path, image() * 0.9, dtype=dtype, **scale)).attrs.get(
-        "saturated"
-    ) == (None if top is None else pytest.approx(top))
+    assert open_cube(envi(tmp_path, IMAGE * 0.9, dtype=dtype, **scale)).attrs.get("saturated") == (
+        None if top is None else pytest.approx(top)
+    )
 
 
 def test_a_mark_of_missing_data_is_not_saturated(tmp_path):
-    assert (
-        "saturated" not in open_cube(envi(tmp_path, image(), **{"data ignore value": 65535})).attrs
-    )
+    assert "saturated" not in open_cube(envi(tmp_path, **{"data ignore value": 65535})).attrs
 
 
 def test_map_info_gives_coordinates(tmp_path):
@@ -178,7 +173,6 @@ def test_map_info_gives_coordinates(tmp_path):
     cube = open_cube(
         envi(
             tmp_path,
-            image(),
             **{"map info": info, "coordinate system string": ['PROJCS["x"', "y]"]},
         )
     )
@@ -193,17 +187,17 @@ def test_map_info_gives_coordinates(tmp_path):
 
 
 def test_without_coordinates_pixels_are_counted(tmp_path):
-    cube = open_cube(envi(tmp_path, image()), window=(4, 12, 6, 20))
+    cube = open_cube(envi(tmp_path), window=(4, 12, 6, 20))
     assert_allclose(cube["y"], np.arange(4, 12) + 0.5)
     assert cube["x"].attrs == {"units": "pixel", "pixel_size": 1.0}
     turned = ["Arbitrary", "1", "1", "0", "0", "0.1", "0.1", "units=Millimeters", "rotation=30"]
-    cube = open_cube(envi(tmp_path, image(), **{"map info": turned}))
+    cube = open_cube(envi(tmp_path, **{"map info": turned}))
     assert_allclose(cube["x"], (np.arange(SAMPLES) + 0.5) * 0.1)
     assert cube["x"].attrs == {"units": "millimeters", "pixel_size": 0.1}
-    cube = open_cube(envi(tmp_path, image(), **{"pixel size": ["0.2", "0.3", "units=Meters"]}))
+    cube = open_cube(envi(tmp_path, **{"pixel size": ["0.2", "0.3", "units=Meters"]}))
     assert_allclose(cube["y"], (np.arange(LINES) + 0.5) * 0.3)
     for damaged in (["UTM", "x"], ["UTM"], ["UTM", "1", "1", "0", "0", "0", "0"]):
-        cube = open_cube(envi(tmp_path, image(), **{"map info": damaged}))
+        cube = open_cube(envi(tmp_path, **{"map info": damaged}))
         assert_allclose(cube["y"], np.arange(LINES) + 0.5)
 
 
@@ -234,7 +228,7 @@ def test_zarr_that_is_an_array(tmp_path, version):
 
 
 def test_zeros_of_xarrays_integers_are_data(tmp_path):
-    values = np.round(image() * 100).astype("u1")
+    values = np.round(IMAGE * 100).astype("u1")
     values[1, 1] = 0
     for version in (2, 3):
         path = zarr(
@@ -253,9 +247,9 @@ def test_netcdf_with_packed_numbers(tmp_path, engine):
 
 
 def test_netcdf_without_coordinates(tmp_path):
-    labelled(image()).drop_vars(["y", "x"]).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    labelled(IMAGE).drop_vars(["y", "x"]).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     cube = open_cube(tmp_path / "a.nc")
-    agree(cube, image())
+    agree(cube, IMAGE)
     assert_allclose(cube["y"], np.arange(LINES) + 0.5)
 
 
@@ -274,43 +268,40 @@ def test_hdf5_in_groups_with_its_own_scale(tmp_path):
 
 
 def test_bands_that_a_file_marks_as_bad(tmp_path):
-    path = hdf5(tmp_path, image())
+    path = hdf5(tmp_path, IMAGE)
     with h5py.File(path, "a") as file:
         file.create_dataset("SITE/bbl", data=[1, 1, 0, 1, 1, 1, 1])
     assert open_cube(path)["wavelength"].values.tolist() == [400, 410, 430, 450, 470, 500]
 
 
 def test_pages_of_tiff_that_are_not_packed(tmp_path):
-    agree(open_cube(tiff(tmp_path, image(), pages=True)), image())
+    agree(open_cube(tiff(tmp_path, IMAGE, pages=True)), IMAGE)
 
 
 def test_tiff_with_all_bands_in_each_pixel(tmp_path):
-    values = image()
     tifffile.imwrite(
-        tmp_path / "a.tif", values.astype("f4"), planarconfig="contig", photometric="minisblack"
+        tmp_path / "a.tif", IMAGE.astype("f4"), planarconfig="contig", photometric="minisblack"
     )
-    agree(open_cube(tmp_path / "a.tif", wavelengths=WAVELENGTHS), values)
+    agree(open_cube(tmp_path / "a.tif", wavelengths=WAVELENGTHS), IMAGE)
 
 
 @pytest.mark.parametrize(
     "form", ["band_{:g}nm.tif", "{:g} nm exposure 12.TIF", "2024-05-03_{:g}.tiff"]
 )
 def test_folder_of_tiffs_named_by_wavelength(tmp_path, form):
-    values = image()
-    agree(open_cube(tiffs(tmp_path, values, form=form)), values)
+    agree(open_cube(tiffs(tmp_path, IMAGE, form=form)), IMAGE)
 
 
 def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
-    values = image()
-    path = tiffs(tmp_path, values, form="f{:04.0f}.tif", compression="zlib")
+    path = tiffs(tmp_path, IMAGE, form="f{:04.0f}.tif", compression="zlib")
     (tmp_path / "nm.txt").write_text("# filters\n" + "\n".join(str(w + 5) for w in WAVELENGTHS))
     cube = open_cube(path, wavelengths=tmp_path / "nm.txt")
     assert_allclose(cube["wavelength"], np.array(WAVELENGTHS) + 5)
-    assert_allclose(cube.values, values, atol=1e-6)
+    assert_allclose(cube.values, IMAGE, atol=1e-6)
 
 
 def test_packed_tiffs_are_closed_with_their_cube(tmp_path):
-    cube = open_cube(tiffs(tmp_path, image(), form="{:g}nm.tif", compression="zlib"))
+    cube = open_cube(tiffs(tmp_path, IMAGE, form="{:g}nm.tif", compression="zlib"))
     cube.isel(y=0).load()
     del cube
     with warnings.catch_warnings(record=True) as said:
@@ -342,21 +333,19 @@ def test_geotiff(tmp_path):
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_npy_with_the_wavelength_on_any_axis(tmp_path, axis):
-    values = image()
-    np.save(tmp_path / "a.npy", np.moveaxis(values, 2, axis))
-    agree(open_cube(tmp_path / "a.npy", wavelengths=WAVELENGTHS), values)
+    np.save(tmp_path / "a.npy", np.moveaxis(IMAGE, 2, axis))
+    agree(open_cube(tmp_path / "a.npy", wavelengths=WAVELENGTHS), IMAGE)
 
 
 def test_repeated_and_unsorted_wavelengths(tmp_path):
-    values = image()
-    path = envi(tmp_path, values, wavelengths=(500, 400, 410, 410, 450, 430, 470))
+    path = envi(tmp_path, wavelengths=(500, 400, 410, 410, 450, 430, 470))
     cube = open_cube(path)
     assert cube["wavelength"].values.tolist() == [400, 410, 430, 450, 470, 500]
-    assert_allclose(cube.values, values[..., [1, 2, 5, 4, 6, 0]], atol=1e-6)
+    assert_allclose(cube.values, IMAGE[..., [1, 2, 5, 4, 6, 0]], atol=1e-6)
     assert "1 bands repeat a wavelength (410 nm) and are left out" in cube.attrs["notes"]
 
 
 def test_limits_of_wavelength(tmp_path):
-    cube = open_cube(envi(tmp_path, image()), bands=(410, 450))
+    cube = open_cube(envi(tmp_path), bands=(410, 450))
     assert cube["wavelength"].values.tolist() == [410, 420, 430, 450]
-    assert_allclose(cube.values, image()[..., 1:5], atol=1e-6)
+    assert_allclose(cube.values, IMAGE[..., 1:5], atol=1e-6)

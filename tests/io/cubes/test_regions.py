@@ -18,7 +18,7 @@ from glazejax.io.cubes.hashes import time_of_change
 from glazejax.io.cubes.regions import inside
 
 from ...refusals import refusal
-from .images import BANDS, LINES, SAMPLES, bright_image, envi, image, labelled, zarr
+from .images import BANDS, IMAGE, LINES, SAMPLES, bright_image, envi, image, labelled, zarr
 
 SHAPE = (LINES, SAMPLES)
 USED = np.random.default_rng(0).random(SHAPE) < 0.5
@@ -53,13 +53,13 @@ def test_mask_of_another_size(tmp_path):
     path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
     with refusal(f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
         read_mask(path, SHAPE)
-    cube = open_cube(envi(tmp_path, image()), binning=(2, 3, 1))
+    cube = open_cube(envi(tmp_path), binning=(2, 3, 1))
     with refusal("opened as 11 x 10"):
         read_mask(path, cube)
 
 
 def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
-    cube = open_cube(envi(tmp_path, image()), window=(2, 21, 3, 30), binning=(2, 3, 1))
+    cube = open_cube(envi(tmp_path), window=(2, 21, 3, 30), binning=(2, 3, 1))
     expected = USED[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
     assert_array_equal(read_mask(png(tmp_path, USED), cube), expected)
     assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
@@ -182,7 +182,7 @@ def test_spots(tmp_path):
 
 
 def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
-    values = 0.7 + 1e-5 * image()
+    values = 0.7 + 1e-5 * IMAGE
     cube = open_cube(envi(tmp_path, values, dtype="f8"))
     monkeypatch.setattr("glazejax.io.cubes.regions._AT_ONCE", SAMPLES * BANDS)
     spot = read_spot(cube, f"0:{SAMPLES},0:{LINES}")
@@ -193,7 +193,7 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
 
 def test_spots_leave_saturated_readings_out(tmp_path):
     spot = read_spot(open_cube(bright_image(tmp_path)), "6:8,5")
-    assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
+    assert_allclose(spot.reflectance[2], IMAGE[5, 7, 2], atol=1e-6)
 
 
 def test_spots_elsewhere(tmp_path):
@@ -211,7 +211,7 @@ def test_spots_elsewhere(tmp_path):
 
 
 def test_hash_follows_header_data_and_nothing_else(tmp_path):
-    path = envi(tmp_path, image())
+    path = envi(tmp_path)
     first = quick_source_hash(path)
     assert quick_source_hash(path.with_suffix(".img")) == first
     (tmp_path / "other").mkdir()
@@ -242,7 +242,7 @@ def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
         overwrite(big, place, b"x" * count)
         hashes.add(quick_source_hash(big))
     assert len(hashes) == 4
-    path = zarr(tmp_path, labelled(image()))
+    path = zarr(tmp_path, labelled(IMAGE))
     first = quick_source_hash(path)
     assert quick_source_hash(path) == first
     metadata = path / "zarr.json"
@@ -266,10 +266,10 @@ def test_hash_of_a_folder_follows_all_its_files(tmp_path, size):
 
 
 def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
-    header = envi(tmp_path, image())
+    header = envi(tmp_path)
     other = header.with_suffix(".nc")
     with h5py.File(other, "w") as file:
-        file["cube"] = image()
+        file["cube"] = IMAGE
     alone = tmp_path / "alone" / other.name
     alone.parent.mkdir()
     shutil.copy(other, alone)
@@ -280,11 +280,11 @@ def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
 
 
 def test_time_of_change_is_that_of_the_newest_file(tmp_path):
-    header = envi(tmp_path, image())
+    header = envi(tmp_path)
     for file, time in ((header, 5_000), (header.with_suffix(".img"), 7_000)):
         os.utime(file, ns=(0, time))
     assert time_of_change(header) == time_of_change(header.with_suffix(".img")) == 7_000
-    path = zarr(tmp_path, labelled(image()))
+    path = zarr(tmp_path, labelled(IMAGE))
     file = max(path.rglob("c/*"))
     os.utime(file, ns=(0, 2**61))
     assert time_of_change(path) == 2**61
