@@ -110,7 +110,6 @@ class Page:
         """The stack once these buttons were clicked."""
         for name in names:
             self.press(name)
-        self.settle()
         return self.stack()
 
     def settle(self) -> None:
@@ -124,8 +123,13 @@ class Page:
     def said(self) -> str:
         return self.at("line").text
 
+    def hear(self, words: str) -> None:
+        """Wait until the page says this."""
+        self.until(lambda: words in self.said(), words)
+
     def stack(self) -> dict[str, Any]:
-        """The stack that the link holds."""
+        """The stack that the link holds, once every change has been answered."""
+        self.settle()
         time.sleep(0.4)
         code = "return decodeURIComponent(location.hash.slice(1).split('&')[0])"
         return json.loads(self.js(code))
@@ -151,14 +155,14 @@ class Page:
         self.until(lambda: self.js("return arguments[0].dataset.done", found), "the canvas")
         return found
 
-    def slide(self, slider: Any, value: float) -> None:
+    def slide(self, name: str, value: float) -> None:
         """Move a slider as its keys and mouse do: events of its own."""
         code = (
             "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', "
             "{bubbles: true}));"
             "arguments[0].dispatchEvent(new Event('change', {bubbles: true}))"
         )
-        self.js(code, slider, value)
+        self.js(code, self.at(name), value)
         self.settle()
 
     def choose(self, name: str, value: Any) -> None:
@@ -167,10 +171,11 @@ class Page:
         self.js(code, self.at(name), value)
         self.settle()
 
-    def drop(self, path: Path) -> None:
-        """Drop a file on the page."""
-        self.js("document.querySelector('[data-at=file]').hidden = false")
-        self.at("file").send_keys(str(path))
+    def drop(self, path: Path, name: str = "file") -> None:
+        """Drop a file on the page, or on a field of it."""
+        field = self.at(name)
+        self.js("arguments[0].hidden = false", field)
+        field.send_keys(str(path))
 
     def errors(self) -> list[str]:
         """What the browser complained of."""

@@ -107,7 +107,7 @@ def test_what_needs_python_is_said(page, tmp_path):
     path = tmp_path / "film.csv"
     path.write_text("Name,400,500\na,0.1,0.2\n")
     page.drop(path)
-    page.until(lambda: "glazejax studio" in page.said(), "the sentence")
+    page.hear("glazejax studio")
     path = tmp_path / "stack.json"
     path.write_text(json.dumps(TWO))
     page.drop(path)
@@ -121,11 +121,10 @@ def test_own_paints_are_dropped_used_and_linked(page, browser, tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(text.replace("Mine,410,4000", "Mine,410,a lot"))
     page.drop(path)
-    page.until(lambda: "line 3: absorption is 'a lot'" in page.said(), "the sentence")
+    page.hear("line 3: absorption is 'a lot'")
     path.write_text(text)
     page.drop(path)
     page.click(".tile[data-paint='Mine'] .paint")
-    page.settle()
     stack = page.stack()
     assert stack["pigments"]["Mine"]["scattering"] == [40000] * 31
     check_swatch(page, stack)
@@ -154,7 +153,7 @@ def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     page.open(fragment(TWO))
     page.press("pin")
     page.choose("lamp-1", "FL2")
-    page.slide(page.at("angle-light"), 20)
+    page.slide("angle-light", 20)
     page.press("tab-canvas")
     canvas = page.at("easel")
     ActionChains(page.browser).move_to_element_with_offset(canvas, -100, 0).click().perform()
