@@ -43,9 +43,8 @@ def start_browser(downloads: Path, *, card: bool = False) -> Any:
     """A Chromium without a window, or a skip that says what is missing; `card` with a graphics card
     that the processor plays.
     """
-    webdriver = pytest.importorskip(
-        "selenium.webdriver", reason="selenium is not installed (extra test)"
-    )
+    from selenium import webdriver
+
     chromium = next(filter(None, map(shutil.which, _NAMES)), None)
     driver = shutil.which("chromedriver")
     if chromium is None or driver is None:

@@ -8,6 +8,7 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from selenium.webdriver import ActionChains, Keys
 
 import glazejax as gj
 from glazejax import colour
@@ -94,8 +95,6 @@ def test_a_slider_changes_the_swatch_to_what_the_library_says(page):
 
 
 def test_coats_are_reordered_by_hand_and_by_keys(page):
-    from selenium.webdriver import ActionChains, Keys
-
     handles = page.all("[data-at=handle]")
     ActionChains(page.browser).click_and_hold(handles[1]).move_by_offset(0, -60).move_by_offset(
         0, -60
@@ -215,8 +214,6 @@ def test_a_lamp_of_ones_own(page, tmp_path):
 
 
 def test_a_stroke_is_painted_undone_and_painted_again(page):
-    from selenium.webdriver import ActionChains
-
     canvas = page.canvas()
     drag = ActionChains(page.browser).move_to_element_with_offset(canvas, -140, 0).click_and_hold()
     for _ in range(8):
@@ -240,8 +237,6 @@ def test_a_stroke_is_painted_undone_and_painted_again(page):
 
 @pytest.mark.slow
 def test_the_canvas_is_brushed_by_keys(page):
-    from selenium.webdriver import Keys
-
     canvas = page.canvas()
     # How near the colours are is said in the same line, when they have been compared.
     page.until(lambda: canvas.get_attribute("data-state") == "exact", "the comparison")
@@ -447,8 +442,6 @@ def test_a_wide_screen_gets_the_colour_itself(page):
 
 def test_by_keyboard_alone(page):
     """Every control is reached by Tab, and has a name."""
-    from selenium.webdriver import ActionChains, Keys
-
     page.js("document.activeElement.blur()")
     reached = set()
     for _ in range(40):

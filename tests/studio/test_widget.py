@@ -14,14 +14,11 @@ from numpy.testing import assert_allclose
 import glazejax as gj
 from glazejax import colour
 from glazejax.stacks import stack_from_dict
+from glazejax.studio import Widget, one_file
+from glazejax.studio.messages import pack, unpack
 
 from .browser import start_browser
 from .coats import coat
-
-pytest.importorskip("anywidget", reason="anywidget is not installed (extra studio)")
-
-from glazejax.studio import Widget, one_file
-from glazejax.studio.messages import pack, unpack
 
 STACK = {"glazejax": "stack", "coats": [coat("Eosin", 4)]}
 
