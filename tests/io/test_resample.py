@@ -50,8 +50,8 @@ def test_no_overshoot_below_zero_or_above_the_peak():
 
 def test_picking_bands_is_said():
     fine = np.arange(400.0, 701.0, 1.0)
-    assert any("picked, not averaged" in note for note in resample(table(fine), GRID).notes)
-    assert not any("picked" in note for note in resample(table(GRID), fine).notes)
+    assert "picked, not averaged" in str(resample(table(fine), GRID).notes)
+    assert "picked" not in str(resample(table(GRID), fine).notes)
 
 
 @pytest.mark.parametrize(

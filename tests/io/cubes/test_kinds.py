@@ -89,7 +89,7 @@ def test_envi_as_a_table_of_its_pixels(tmp_path):
     assert_allclose(pixels[full], table.reflectance, atol=1e-6)
     assert table.notes[: len(new.attrs["notes"])] == new.attrs["notes"]
     for words in ("micrometres", "marks as bad", "sorted"):
-        assert any(words in note for note in new.attrs["notes"])
+        assert words in str(new.attrs["notes"])
 
 
 def test_data_after_a_header_of_their_own(tmp_path):
@@ -125,8 +125,8 @@ def test_a_mark_that_is_not_declared_is_missing_and_said(tmp_path, dtype):
     table = read_spectra(path)
     assert len(table) == LINES * SAMPLES - 12
     for notes in (cube.attrs["notes"], table.notes):
-        assert any("-9999, which no reading is" in note for note in notes)
-    assert not any("-9999" in note for note in open_cube(clean).attrs["notes"])
+        assert "-9999, which no reading is" in str(notes)
+    assert "-9999" not in str(open_cube(clean).attrs["notes"])
 
 
 def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
@@ -134,7 +134,7 @@ def test_a_mark_in_a_corner_alone_is_said(tmp_path, monkeypatch):
     values = image()
     values[0, 0] = -9999.0
     cube = open_cube(envi(tmp_path, values, dtype="f4"))
-    assert any("-9999" in note for note in cube.attrs["notes"])
+    assert "-9999" in str(cube.attrs["notes"])
 
 
 def test_percent_and_given_scales(tmp_path):
@@ -149,9 +149,7 @@ def test_percent_and_given_scales(tmp_path):
 def test_a_given_scale_goes_before_the_files_own(tmp_path):
     cube = open_cube(envi(tmp_path), scale=20_000)
     assert_allclose(cube.values, IMAGE / 2, atol=1e-6)
-    assert any(
-        "10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"]
-    )
+    assert "10000 is a reflectance of 1; 20000 was given" in str(cube.attrs["notes"])
 
 
 @pytest.mark.parametrize(
