@@ -56,6 +56,16 @@ def options(cube) -> dict[str, Any]:
     return {"ground": small.scene().ground, "mask": mask, "max_paints": 2, "noise": NOISE}
 
 
+@pytest.fixture
+def map_of(options: dict[str, Any], tmp_path):
+    """Maps an image by some paints, with options changed."""
+
+    def map_image(image, paints, **changes) -> xarray.Dataset:
+        return map_cube(image, paints, out=tmp_path / "map", **(options | changes))
+
+    return map_image
+
+
 @pytest.fixture(scope="module")
 def made(cube, options, tmp_path_factory):
     """A map by few paints, what it said on the way, and where it lies."""
@@ -155,9 +165,7 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_ends_as_an_undisturbed_one(
-    made, cube, options: dict[str, Any], tmp_path
-):
+def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, map_of):
     class Stopped(Exception):
         pass
 
@@ -170,13 +178,12 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(
 
     for stage, done in (("searching", 1), ("checking", 0), ("mapping", 0)):
         with pytest.raises(Stopped):
-            map_cube(cube, FEW, out=tmp_path / "map", progress=stop_at(stage, done), **options)
-    found = map_cube(cube, FEW, out=tmp_path / "map", **options)
-    xarray.testing.assert_equal(found, made[0])
+            map_of(cube, FEW, progress=stop_at(stage, done))
+    xarray.testing.assert_equal(map_of(cube, FEW), made[0])
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_path):
+def test_a_cluster_gives_the_same_map(made, cube, map_of):
     """In double precision, whose digits must arrive on the workers, and in the same pieces."""
     distributed = pytest.importorskip("distributed")
     with (
@@ -185,26 +192,19 @@ def test_a_cluster_gives_the_same_map(made, cube, options: dict[str, Any], tmp_p
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
-        found = map_cube(cube, FEW, out=tmp_path / "map", client=client, **options)
+        found = map_of(cube, FEW, client=client)
     xarray.testing.assert_equal(found, made[0])
 
 
 @pytest.mark.slow
-def test_spectra_far_from_all_others_are_searched(
-    cube, options: dict[str, Any], tmp_path, monkeypatch
-):
+def test_spectra_far_from_all_others_are_searched(cube, map_of, monkeypatch):
     """A stroke that no sampled line has."""
     monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)
     spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
     spectra = spectra + 0.001 * np.random.default_rng(1).standard_normal(spectra.shape).astype("f4")
     spectra[10, 20:30] = cube.values[15, 30]
     grid = cube["wavelength"].values
-    found = map_cube(
-        small.image(spectra, grid),
-        small.paints(),
-        out=tmp_path / "map",
-        **dict(options, mask=None, max_paints=1),
-    )
+    found = map_of(small.image(spectra, grid), small.paints(), mask=None, max_paints=1)
     way = found["way"].values
     assert (way[10, 20:30] == Way.SEARCHED).any()
     assert np.isin(way[10, 20:30], (Way.SEARCHED, Way.NEIGHBOUR)).all()
@@ -212,16 +212,12 @@ def test_spectra_far_from_all_others_are_searched(
 
 
 @pytest.mark.slow
-def test_a_window_that_the_mask_leaves_out_is_empty(
-    cube, options: dict[str, Any], tmp_path, monkeypatch
-):
+def test_a_window_that_the_mask_leaves_out_is_empty(cube, map_of, monkeypatch):
     monkeypatch.setattr("glazefit.mapping.map_cube.chunk_shape", lambda *_, **__: (12, 20))
     mask = np.zeros((24, 40), bool)
     mask[:12, :20] = True
     mask[14, 30] = True
-    found = map_cube(
-        cube, small.paints()[:2], out=tmp_path / "map", **dict(options, mask=mask, max_paints=1)
-    )
+    found = map_of(cube, small.paints()[:2], mask=mask, max_paints=1)
     status = found["status"].values
     assert (status[:12, 20:] == Status.MASKED).all()
     assert (status == Status.MAPPED).sum() == 240 - 6 + 1
@@ -262,7 +258,7 @@ def _hiding(paint: Pigment) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_spot_of_the_image_is_found_in_it(cube, options: dict[str, Any], tmp_path):
+def test_a_spot_of_the_image_is_found_in_it(cube, tmp_path):
     grid = cube["wavelength"].values
     spectrum = cube.values[15, 30].astype(float)
     found = map_cube(
@@ -291,21 +287,21 @@ def test_a_spot_of_the_image_is_found_in_it(cube, options: dict[str, Any], tmp_p
         ({"memory": 2**20}, "memory bound is 1 MiB; with .* it must be at least"),
     ],
 )
-def test_what_does_not_fit_is_said(cube, options: dict[str, Any], tmp_path, change, words):
+def test_what_does_not_fit_is_said(cube, map_of, change, words):
     with refusal(words):
-        map_cube(cube, small.paints(), out=tmp_path / "map", **dict(options, **change))
+        map_of(cube, small.paints(), **change)
 
 
-def test_an_image_that_is_none_is_said(options: dict[str, Any], tmp_path):
+def test_an_image_that_is_none_is_said(map_of):
     turned = xarray.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "band"))
     with refusal("dimensions y, x, wavelength"):
-        map_cube(turned, small.paints(), out=tmp_path / "map", **dict(options, mask=None))
+        map_of(turned, small.paints(), mask=None)
     metres = small.image(np.zeros((3, 4, 5)), np.linspace(0.4, 0.7, 5))
     with refusal("in nm"):
-        map_cube(metres, small.paints(), out=tmp_path / "map", **dict(options, mask=None))
+        map_of(metres, small.paints(), mask=None)
     nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
     with refusal(r"no pixel that can be mapped .* 48 no data"):
-        map_cube(nothing, small.paints(), out=tmp_path / "map", ground=0.5)
+        map_of(nothing, small.paints(), mask=None, noise=None, ground=0.5)
 
 
 def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
