@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -64,7 +65,7 @@ class Page:
     def __init__(self, browser: Any, link: str):
         self.browser, self.link = browser, link
 
-    def open(self, fragment: str = "") -> None:
+    def open(self, fragment: str) -> None:
         # From elsewhere, so that another fragment is another page.
         go_to(self.browser, "about:blank")
         go_to(self.browser, self.link + fragment)
@@ -73,6 +74,10 @@ class Page:
             "the first colours",
         )
         self.settle()
+
+    def open_stack(self, stack: dict[str, Any]) -> None:
+        """Open the link of a stack."""
+        self.open("#" + quote(json.dumps(stack)))
 
     def js(self, code: str, *given: Any) -> Any:
         return self.browser.execute_script(code, *given)

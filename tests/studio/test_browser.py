@@ -2,9 +2,6 @@
 `glazejax.reflectance` says.
 """
 
-import json
-from urllib.parse import quote
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -39,10 +36,6 @@ def pure(paint):
     return {**TWO, "coats": [coat(paint, 200)]}
 
 
-def fragment(stack):
-    return "#" + quote(json.dumps(stack))
-
-
 @pytest.fixture(scope="module")
 def served():
     found = Served()
@@ -53,7 +46,7 @@ def served():
 @pytest.fixture
 def page(served, browser):
     found = Page(browser, served.studio.link)
-    found.open(fragment(TWO))
+    found.open_stack(TWO)
     yield found
     assert found.errors() == []
     # Nothing brushed may ask whether to leave.
@@ -167,7 +160,7 @@ def test_a_studio_that_answers_late_finds_the_links_stack(page, browser):
     command = "Page.addScriptToEvaluateOnNewDocument"
     added = browser.execute_cdp_cmd(command, {"source": late})
     try:
-        page.open(fragment(TWO))
+        page.open_stack(TWO)
     finally:
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
     assert page.stack()["coats"] == TWO["coats"]
@@ -302,7 +295,7 @@ def test_a_lost_connection_loses_nothing(page):
     again = Served(token="again")
     port = again.studio.port
     page.link = again.studio.link
-    page.open(fragment(TWO))
+    page.open_stack(TWO)
     again.stop()
     page.until(lambda: page.at("state").text == "not connected", "the loss")
     assert "colours go on" in page.said()
@@ -406,10 +399,10 @@ def test_a_colour_is_picked_in_a_photograph(page, tmp_path):
 @pytest.mark.slow
 def test_a_colour_beyond_srgb_is_marked(page):
     yellow = pure("ChromeYellow")
-    page.open(fragment(yellow))
+    page.open_stack(yellow)
     assert np.min(colour.srgb(*spectrum_of(yellow), clip=False)) < -0.002
     assert "outside sRGB" in page.js("return document.querySelector('.beyond')?.textContent ?? ''")
-    page.open(fragment(pure("ZincWhite")))
+    page.open_stack(pure("ZincWhite"))
     assert page.all(".beyond") == []
 
 
@@ -419,7 +412,7 @@ def test_a_wide_screen_gets_the_colour_itself(page):
     page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", wide)
     try:
         yellow = pure("ChromeYellow")
-        page.open(fragment(yellow))
+        page.open_stack(yellow)
         code = """
             const c = document.querySelector("[data-at=swatch]");
             const at = [Math.floor(c.width / 4), Math.floor(c.height / 2), 1, 1];

@@ -12,7 +12,7 @@ from selenium.webdriver import ActionChains
 from glazejax.studio.one_file import one_file
 
 from .browser import Page, start_browser
-from .test_browser import TWO, check_swatch, expected, fragment, with_top
+from .test_browser import TWO, check_swatch, expected, with_top
 
 pytestmark = pytest.mark.browser
 
@@ -27,7 +27,7 @@ def link(tmp_path_factory):
 @pytest.fixture
 def page(browser, link):
     found = Page(browser, link)
-    found.open(fragment({**TWO, "coats": []}))
+    found.open_stack({**TWO, "coats": []})
     yield found
     assert found.errors() == []
     browser.execute_script("document.querySelector('#studio').replaceChildren()")
@@ -43,7 +43,7 @@ def test_a_graphics_card_and_typed_arrays_draw_the_same(link, tmp_path):
         for kind in ("webgl2", "arrays"):
             with start_browser(tmp_path, card=True) as browser:
                 page = Page(browser, f"{link}?canvas={kind}")
-                page.open(fragment(stack))
+                page.open_stack(stack)
                 page.press("tab-canvas")
                 assert page.at("easel").get_attribute("data-by") == kind
                 brush_each(page, brushed)
@@ -98,7 +98,7 @@ def brush_each(page, brushed):
 
 
 def test_it_asks_no_host_for_anything(page):
-    page.open(fragment(TWO))
+    page.open_stack(TWO)
     asked = page.js("return performance.getEntriesByType('resource').map((one) => one.name)")
     assert [name for name in asked if not name.startswith(("data:", "blob:"))] == []
 
@@ -150,7 +150,7 @@ def test_it_finds_recipes_by_itself(page):
 
 def test_all_that_is_on_the_page_is_in_its_link(page, browser):
     """Lamps, angles, the pinned colour and what was brushed come back with the link."""
-    page.open(fragment(TWO))
+    page.open_stack(TWO)
     page.press("pin")
     page.choose("lamp-1", "FL2")
     page.slide("angle-light", 20)

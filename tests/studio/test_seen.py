@@ -62,8 +62,9 @@ def ask(code, **given):
     return run(code, {"data": known(), **given})
 
 
-def see(stack):
-    return ask(_SEE, stack=stack, view=VIEW)
+def see(**changes):
+    """What the page shows of the stack with other parts."""
+    return ask(_SEE, stack={**STACK, **changes}, view=VIEW)
 
 
 def check(*given):
@@ -77,7 +78,7 @@ def check(*given):
 )
 def test_spectra_and_colours_are_those_of_the_library(coats):
     given = {**STACK, "coats": coats}
-    found = see(given)
+    found = see(coats=coats)
     stack = stack_from_dict(given)
     grid = stack.glaze().wavelengths
     assert_allclose(found["wavelengths"], grid)
@@ -118,7 +119,7 @@ def test_spectra_and_colours_are_those_of_the_library(coats):
 def test_geometries_and_grounds_are_those_of_the_library(change):
     stack = stack_from_dict({**STACK, **change})
     expected = gj.reflectance(stack.glaze(), stack.instrument)
-    assert_allclose(see({**STACK, **change})["spectra"][0], expected, atol=1e-4)
+    assert_allclose(see(**change)["spectra"][0], expected, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +134,7 @@ def test_the_band_is_that_of_the_paints_errors(paint, um, ground):
     """Against the spread of spectra of paints drawn as `Pigment.error_modes` says; one z for all of
     a provenance.
     """
-    found = see({**STACK, "coats": [{"paint": paint, "um": um}], "ground": ground})
+    found = see(coats=[{"paint": paint, "um": um}], ground=ground)
     z, mixed = None, np.zeros((2, 400, 31))
     for name, part in paint.items():
         one = gj.catalogue.pigment(name)
@@ -154,8 +155,7 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
     one = gj.catalogue.pigment("Vermillion")
     sd = {"absorption_sd": 0.1 * np.asarray(one.absorption), "scattering_sd": np.zeros(31)}
     mine = gj.Pigment("Mine", one.wavelengths, one.absorption, one.scattering, **sd)
-    stack = {**STACK, "coats": [coat("Mine", 3)]}
-    found = see({**stack, "pigments": {"Mine": pigment_to_dict(mine)}})
+    found = see(coats=[coat("Mine", 3)], pigments={"Mine": pigment_to_dict(mine)})
     more = gj.Pigment("more", one.wavelengths, 1.001 * np.asarray(one.absorption), one.scattering)
     spectra = [
         np.asarray(gj.reflectance(gj.Glaze([gj.Layer(paint, 3e-6)], 0.93), "45:0"))
@@ -165,19 +165,19 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
 
 
 def test_a_paint_that_does_not_say_how_sure_it_is_has_no_band():
-    found = see({**STACK, "coats": [coat("acrylics/TitaniumWhite", 9)]})
+    found = see(coats=[coat("acrylics/TitaniumWhite", 9)])
     assert found["sd"] is None
     assert "TitaniumWhite" in found["rest"]
 
 
 def test_paints_of_which_only_k_over_s_is_known_are_named():
-    found = see({**STACK, "coats": [coat("LeadWhite", 9)]})
+    found = see(coats=[coat("LeadWhite", 9)])
     assert any("LeadWhite" in words and "only k/s is known" in words for words in found["doubts"])
-    assert see(STACK)["doubts"] == []
+    assert see()["doubts"] == []
 
 
 def test_a_bare_card_is_seen_too():
-    found = see({**STACK, "coats": []})
+    found = see(coats=[])
     assert found["spectra"][0] == found["spectra"][5]
 
 

@@ -118,13 +118,7 @@ def test_junk_in_any_place_is_told_and_never_a_fault(ask, message):
 
 
 def test_a_dropped_file_of_spectra(ask):
-    content = (
-        b"Name,"
-        + b",".join(b"%d" % w for w in range(400, 701, 10))
-        + b"\ngrey"
-        + b",0.2" * 31
-        + b"\n"
-    )
+    content = b"nm,grey\n" + b"".join(b"%d,0.2\n" % w for w in range(400, 701, 10))
     [(header, found)] = ask({"type": "file", "name": "one.csv"}, rest=content)
     assert (header["films"], header["names"]) == (False, ["grey"])
     assert_allclose(
