@@ -22,8 +22,8 @@ from glazefit.mapping.store.run import client_in_scope, connect, finish
 from glazefit.mapping.store.store import open_map
 
 from ..refusals import refusal
-from .test_store import same, undisturbed  # noqa: F401
-from .toy import WINDOWS, Toy, run_chunks, store_at
+from .test_store import same
+from .toy import WINDOWS, Toy, run_chunks
 
 distributed = pytest.importorskip("distributed")
 
@@ -55,8 +55,7 @@ class Noted(Toy):
         return super().solve(window)
 
 
-def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noqa: F811
-    store = store_at(tmp_path / "map.zarr")
+def test_a_cluster_finds_the_same_numbers(store, tmp_path, client, undisturbed):
     begun, ahead = tmp_path / "begun", []
     begun.mkdir()
 
@@ -82,8 +81,7 @@ def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noq
 
 
 @pytest.mark.slow
-def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noqa: F811
-    store = store_at(tmp_path / "map.zarr")
+def test_the_death_of_workers_is_survived(store, client, undisturbed):
     killed = []
 
     def kill(done, total, words):
@@ -142,8 +140,7 @@ def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
         )
 
 
-def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # noqa: F811
-    store = store_at(tmp_path / "map.zarr")
+def test_a_cluster_that_is_lost_ends_in_a_sentence(store, undisturbed):
     with (
         distributed.LocalCluster(
             n_workers=1,

@@ -226,11 +226,14 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
         ("ZincWhite", "55", 0.5),
         ("ZincWhite + Eosin", "55", 0.5),
     ]
-    assert float(rows[0]["thickness_um"]) == pytest.approx(20.0)
-    assert float(rows[0]["rmse_of_mean"]) == pytest.approx(0.01)
-    assert float(rows[0]["sd_of_pixels"]) == pytest.approx(0.1)
-    assert float(rows[0]["measured_430"]) == pytest.approx(0.4)
-    assert float(rows[0]["fitted_700"]) == pytest.approx(0.41)
+    numbers = {
+        "thickness_um": 20.0,
+        "rmse_of_mean": 0.01,
+        "sd_of_pixels": 0.1,
+        "measured_430": 0.4,
+        "fitted_700": 0.41,
+    }
+    assert {title: float(rows[0][title]) for title in numbers} == pytest.approx(numbers)
     with xarray.open_dataset(tmp_path / "map.nc", engine="h5netcdf") as exported:
         assert int((exported.status == Status.MAPPED).sum()) == 110
     page = (tmp_path / "page" / "report.html").read_text()

@@ -18,7 +18,7 @@ from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
 from glazefit.mapping.store.windows import Window
 
 from ..refusals import refusal
-from .test_store import same, undisturbed  # noqa: F401
+from .test_store import same
 from .toy import WINDOWS, Toy, run_chunks, store_at
 
 # Of the second row and column of windows.
@@ -26,7 +26,7 @@ WINDOW = Window(16, 32, 20, 40)
 
 
 @pytest.fixture
-def path(undisturbed, tmp_path):  # noqa: F811
+def path(undisturbed, tmp_path):
     """A whole map, to be damaged."""
     return shutil.copytree(undisturbed.path, tmp_path / "map.zarr")
 
@@ -79,7 +79,7 @@ class Counted(Toy):
         ("paint_probability/c/1/1/0", empty, "paint_probability/c/1/1/0 is not as it was written"),
     ],
 )
-def test_a_damaged_window_is_named_and_mapped_again(path, undisturbed, place, damage, words):  # noqa: F811
+def test_a_damaged_window_is_named_and_mapped_again(path, undisturbed, place, damage, words):
     damage(path / place)
     named = rf"^window y16-32_x20-40 of .*map\.zarr is damaged \({words}\)"
     with refusal(named + "; run the same `glazejax map` again, .*$"):
@@ -92,7 +92,7 @@ def test_a_damaged_window_is_named_and_mapped_again(path, undisturbed, place, da
 
 
 @pytest.mark.parametrize("damage", [cut, flip, empty, Path.unlink])
-def test_a_window_whose_sums_are_damaged_is_mapped_again(path, undisturbed, damage):  # noqa: F811
+def test_a_window_whose_sums_are_damaged_is_mapped_again(path, undisturbed, damage):
     damage(path / ".glazejax" / "sums" / f"{WINDOW}.npz")
     words = rf"^window {WINDOW} of .*map\.zarr is damaged \(its sums cannot be read\)"
     with refusal(words):
@@ -100,7 +100,7 @@ def test_a_window_whose_sums_are_damaged_is_mapped_again(path, undisturbed, dama
     check_again(path, undisturbed, words + ", and is mapped again$", Toy())
 
 
-def test_a_status_that_is_missing_in_a_complete_map_is_damage(path, undisturbed):  # noqa: F811
+def test_a_status_that_is_missing_in_a_complete_map_is_damage(path, undisturbed):
     """Elsewhere a window without status is one that is not finished."""
     (path / "status" / "c" / "1" / "1").unlink()
     dataset = open_map(path)
@@ -115,7 +115,7 @@ def test_a_status_that_is_missing_in_a_complete_map_is_damage(path, undisturbed)
     check_again(path, undisturbed, "status/c/1/1 is missing", Toy())
 
 
-def test_an_array_that_was_removed_is_made_again(path, tmp_path, undisturbed):  # noqa: F811
+def test_an_array_that_was_removed_is_made_again(path, tmp_path, undisturbed):
     shutil.rmtree(path / "thickness")
     with refusal(r"is damaged \(thickness/c/./. is missing"):
         read_all(path)
@@ -180,6 +180,6 @@ def test_a_damaged_window_is_not_exported(path, tmp_path, name):
     assert os.listdir(tmp_path) == ["map.zarr"]
 
 
-def test_an_opened_map_can_be_sent_to_other_processes(undisturbed):  # noqa: F811
+def test_an_opened_map_can_be_sent_to_other_processes(undisturbed):
     dataset = open_map(undisturbed.path)
     xarray.testing.assert_equal(pickle.loads(pickle.dumps(dataset)), dataset)

@@ -27,13 +27,6 @@ from ..slow import slow
 from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Said, Toy, full, run_chunks, start_run, store_at
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    store = store_at(tmp_path_factory.mktemp("undisturbed") / "map.zarr")
-    run_chunks(store, Toy())
-    return store
-
-
 def same(one, other):
     """Two maps are the same, bit for bit."""
     ours, theirs = open_map(one.path), open_map(other.path)
@@ -134,7 +127,7 @@ def test_a_thickness_is_as_sure_as_the_prior_holds_it():
     assert (usual["thickness_sd"] > 5.0 * maps["thickness_sd"]).all()
 
 
-def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
+def test_a_run_goes_on_with_what_is_not_done(store, undisturbed):
     class Counted(Toy):
         asked: list[Window] = []  # noqa: RUF012
 
@@ -144,7 +137,6 @@ def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
             self.asked.append(window)
             return super().solve(window)
 
-    store = store_at(tmp_path / "map.zarr")
     with pytest.raises(KeyboardInterrupt):
         run_chunks(store, Counted())
     assert store.done() == set(Counted.asked)
@@ -152,15 +144,14 @@ def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
     Counted.asked = []
     said = Said()
     with pytest.raises(KeyboardInterrupt):
-        run_chunks(store_at(tmp_path / "map.zarr"), Counted(), progress=said)
+        run_chunks(store_at(store.path), Counted(), progress=said)
     assert not set(Counted.asked) & before
     assert said == [(done, WINDOWS, "mapping") for done in range(3, 7)]
-    run_chunks(store_at(tmp_path / "map.zarr"), Toy())
+    run_chunks(store_at(store.path), Toy())
     same(store, undisturbed)
 
 
-def test_a_map_begun_with_other_options_is_kept(tmp_path):
-    store = store_at(tmp_path / "map.zarr")
+def test_a_map_begun_with_other_options_is_kept(store, tmp_path):
     run_chunks(store, Toy())
     with refusal(r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"):
         store_at(store.path, options={"noise": 0.01, "layers": 1})
@@ -192,8 +183,7 @@ def test_what_is_no_map_is_never_replaced(tmp_path):
     assert store_at(tmp_path / "empty").done() == set()
 
 
-def test_a_map_of_another_format_is_refused(tmp_path):
-    store = store_at(tmp_path / "map.zarr")
+def test_a_map_of_another_format_is_refused(store):
     meta = json.loads((store.path / "zarr.json").read_text())
     for former in (4, 99):
         meta["attributes"]["glazejax"]["format"] = former
@@ -209,9 +199,8 @@ def test_a_map_of_another_format_is_refused(tmp_path):
     "failing",
     [3, slow(70), slow(120), 130],
 )
-def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
+def test_a_full_disk_keeps_what_is_finished(store, monkeypatch, undisturbed, number, failing):
     """Every n-th file that is put in place fails, whether of an array or of the sums."""
-    store = store_at(tmp_path / "map.zarr")
     replace, count = Path.replace, 0
 
     def replaced(path, target):
