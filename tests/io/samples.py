@@ -204,13 +204,13 @@ ASD_GRID = np.arange(350.0, 2501.0)
 ASD_WHITE = 20_000 * (1 + 0.5 * np.sin(ASD_GRID / 300))
 
 
-def asd_header(*, magic=b"as5", kind=1, channels=ASD_GRID.size, start=350.0, comment=b"ochre"):
+def asd_header(*, magic=b"as5", kind=1, comment=b"ochre"):
     """First 484 bytes, as far as they are used, as in ASD's document 600545 (version 8)."""
     content = bytearray(484)
     struct.pack_into("<3s157s9h", content, 0, magic, comment, 0, 0, 12, 1, 0, 124, 1, 1, 0)
     content[186] = kind
     # Doubles, as 2 states.
-    struct.pack_into("<ffb4xH", content, 191, start, 1.0, 2, channels)
+    struct.pack_into("<ffb4xH", content, 191, 350.0, 1.0, 2, ASD_GRID.size)
     return bytes(content)
 
 

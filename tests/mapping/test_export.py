@@ -14,7 +14,6 @@ from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.store import MapStore, open_map
 
 from ..refusals import refusal
-from .test_store import unfinish
 from .toy import CHUNK, PAINTS, SHAPE, WINDOWS, Said, Toy, full, run_chunks, store_at
 
 xarray = pytest.importorskip("xarray")
@@ -54,8 +53,8 @@ def store(tmp_path_factory) -> MapStore:
     }
     store = store_at(path, attrs=attrs, coords=COORDS)
     run_chunks(store, Sparse())
-    # One window that is not done.
-    unfinish(store, store.windows()[3])
+    # One window is left as by a run that is killed before its status is written.
+    (store.path / "status" / "c" / "1" / "0").unlink()
     return store
 
 

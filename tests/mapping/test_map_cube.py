@@ -15,7 +15,7 @@ from glazefit.mapping.solve.task import map_task
 from glazefit.mapping.solve.working_bands import WorkingBands
 from glazefit.mapping.store.layout import BY_NAME, Status, Way
 from glazefit.mapping.store.store import MapStore
-from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
+from glazejax import Glaze, Hemispherical, Layer, reflectance
 from glazejax.geometry import resolve_instrument
 from glazejax.io import CubeSource
 from tests.mapping import small
@@ -245,16 +245,13 @@ def test_a_spot_is_a_paint_whose_hiding_film_reads_the_spot():
     grid = np.linspace(400.0, 700.0, 31)
     spectrum = 0.1 + 0.5 / (1 + np.exp(-(grid - 560) / 20))
     paint = spot_pigment("Stroke", grid, spectrum, small.paints(), seen_by)
-    assert_allclose(_hiding(paint), spectrum, atol=2e-3)
+    film = reflectance(Glaze([Layer(paint, 0.01)], 0.0, 1.5), Hemispherical())
+    assert_allclose(film, spectrum, atol=2e-3)
     assert paint.absorption_sd is not None
     with refusal(r"reads 1\.5"):
         spot_pigment("Glare", grid, np.full(31, 1.5), small.paints(), seen_by)
     with refusal("has 5 readings"):
         spot_pigment("Short", grid, np.full(5, 0.5), small.paints(), seen_by)
-
-
-def _hiding(paint: Pigment) -> np.ndarray:
-    return np.asarray(reflectance(Glaze([Layer(paint, 0.01)], 0.0, 1.5), Hemispherical()))
 
 
 @pytest.mark.slow

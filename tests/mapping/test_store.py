@@ -41,12 +41,6 @@ def same(one, other):
         assert_array_equal(values, packed[name])
 
 
-def unfinish(store, window):
-    """Leave a window as a run does that is killed before its status is written."""
-    place = [str(start // size) for start, size in zip(window[::2], store.chunk, strict=True)]
-    store.path.joinpath("status", "c", *place).unlink()
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (300, 300), (257, 4000), (3, 100_000)])
 def test_windows_fit_the_memory_whatever_the_size(shape):
     for memory in (2**30, 2**31, 2**33):

@@ -82,8 +82,8 @@ class Page:
     def js(self, code: str, *given: Any) -> Any:
         return self.browser.execute_script(code, *given)
 
-    def at(self, name: str, within: str = "") -> Any:
-        return self.browser.find_element("css selector", f"{within} [data-at='{name}']".strip())
+    def at(self, name: str) -> Any:
+        return self.browser.find_element("css selector", f"[data-at='{name}']")
 
     def all(self, selector: str) -> list[Any]:
         return self.browser.find_elements("css selector", selector)

@@ -335,21 +335,20 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     assert page.stack_after("undo")["coats"] == TWO["coats"]
 
 
-def write_film(path, film, rows=""):
-    """Some rows of a film of the samples."""
+def write_film(folder, rows=""):
+    """A file of some rows of 06A of the samples: vermilion over cards."""
+    path = folder / "film.csv"
     first, *lines = gj.samples.path().read_text().splitlines()
     path.write_text(
-        "\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n"
+        "\n".join([first, *(line for line in lines if line.startswith(f"06A_{rows}"))]) + "\n"
     )
+    return path
 
 
 @pytest.mark.slow
 def test_a_film_is_identified_and_recovered(page, tmp_path):
-    """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes
-    the film.
-    """
-    write_film(tmp_path / "film.csv", "06A")
-    page.drop(tmp_path / "film.csv")
+    """'None of these' is in the list, and one click takes the film."""
+    page.drop(write_film(tmp_path))
     page.until(
         lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film"
     )
@@ -374,8 +373,7 @@ def test_a_film_is_identified_and_recovered(page, tmp_path):
 
 
 def test_a_spectrum_becomes_the_ground(page, tmp_path):
-    write_film(tmp_path / "film.csv", "06A", "ow")
-    page.drop(tmp_path / "film.csv")
+    page.drop(write_film(tmp_path, "ow"))
     page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
     page.choose("ground", "spectrum")
     stack = page.stack_after("tab-look")

@@ -52,7 +52,7 @@ def test_messages_come_back_as_they_were():
         pack({"type": "x"})[:-4] + b'":["',
     ],
 )
-def test_bytes_that_are_no_message_are_refused(ask, message):
+def test_bytes_that_are_no_message_are_refused(message):
     with pytest.raises(ValueError, match="message"):
         unpack(message)
 
