@@ -27,15 +27,15 @@ def counts(folder, values, name, **further):
     return envi(folder, values, name=name, **{"reflectance scale factor": 1} | further)
 
 
-def readings(folder, **cubes) -> dict:
+def readings(folder, raw, white, dark) -> dict:
     """Counts of a cube and its references, as arguments of `open_cube`."""
+    cubes = {"path": raw, "white": white, "dark": dark}
     return {name: counts(folder, values, name) for name, values in cubes.items()}
 
 
 def test_references_of_the_cubes_size(scene):
-    folder, raw, white, dark = scene
-    paths = readings(folder, path=raw, white=white, dark=dark)
-    cube = open_cube(**paths, white_reflectance=0.98)
+    _, raw, white, dark = scene
+    cube = open_cube(**readings(*scene), white_reflectance=0.98)
     expected = (raw - dark) / (white - dark) * 0.98
     assert_allclose(cube.values, expected, rtol=2e-6)
     assert_allclose(cube.values, IMAGE * 0.98, atol=4e-5)
@@ -87,7 +87,7 @@ def test_the_whites_own_spectrum(scene):
         ["name", *(f"{w:.12g}" for w in grid)],
         [["tile", *own], ["other", *own / 2]],
     )
-    paths = readings(folder, path=raw, white=white, dark=dark)
+    paths = readings(*scene)
     cube = open_cube(**paths, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
     assert_allclose(cube.values, expected, rtol=3e-6)
@@ -99,13 +99,13 @@ def test_the_whites_own_spectrum(scene):
 
 
 def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
-    folder, raw, white, dark = scene
+    _, raw, white, dark = scene
     white[:, 3, 2] = dark[:, 3, 2]
     white[:, 4, 2] = dark[:, 4, 2] - 1
     white[:, 5, 2] = 65535
     raw[6, 7, 1] = 65535
     raw[0, 0] = 50
-    paths = readings(folder, path=raw, white=white, dark=dark)
+    paths = readings(*scene)
     cube = open_cube(**paths)
     values = cube.values
     assert np.isnan(values[:, 3:6, 2]).all()
