@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ..refusals import refusal
-from .samples import GRID, refused, rows, same, spectra
+from .samples import GRID, comma_rows, refused, rows, same, spectra
 
 R = spectra(2)
 RED, BLUE = (100 * R).round(3)
@@ -109,11 +109,11 @@ OCEAN += "Number of Pixels in Spectrum: 31\n>>>>>Begin Spectral Data<<<<<\n"
     [
         rows(RED),
         rows(RED, by=";").replace(".", ","),
-        rows(RED, by="\t").replace(".", ","),
+        comma_rows(RED),
         rows(RED, by="\t"),
         "red ochre\nmeasured in the church: 1/5/2024\n" + rows(RED),
         OCEAN + rows(RED, by="\t"),
-        OCEAN.replace(".", ",") + rows(RED, by="\t").replace(".", ","),
+        OCEAN.replace(".", ",") + comma_rows(RED),
         OCEAN + rows(RED, by="\t") + ">>>>>End Processed Spectral Data<<<<<\n",
     ],
 )

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax.io import read_spectra
 
 from ..refusals import refusal
-from .samples import CGATS, CXF, GRID, jcamp_block, refused, rows, same, spectra
+from .samples import CGATS, CXF, GRID, comma_rows, jcamp_block, refused, rows, same, spectra
 
 RED, BLUE = spectra(2).round(4)
 DARK = 0.3 + 0.9 * RED  # percent of a black
@@ -209,7 +209,7 @@ def test_one_unit_for_a_file_told_by_its_brightest_spectrum(read):
     ],
 )
 def test_marks_of_any_language(read, begin, end):
-    text = f"Fichier\nPixels: 31\n{begin}\n" + rows(RED, by="\t").replace(".", ",") + f"{end}\nx\n"
+    text = f"Fichier\nPixels: 31\n{begin}\n" + comma_rows(RED) + f"{end}\nx\n"
     same(read(text), GRID, [RED], ["film"], atol=1e-9)
 
 
@@ -253,7 +253,7 @@ def test_empty_and_text_columns_and_means_below_are_left_out(read):
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
 def test_utf_16_of_any_format(put, read, encoding):
     mark = "\ufeff" if encoding == "utf-16-be" else ""
-    text = mark + "Wellenlänge\tWeiß α\r\n" + rows(RED, by="\t").replace(".", ",")
+    text = mark + "Wellenlänge\tWeiß α\r\n" + comma_rows(RED)
     same(read(text, encoding=encoding), GRID, [RED], ["Weiß α"], atol=1e-9)
     path = put(mark + jcamp_block(), encoding=encoding)
     assert read_spectra(path).format == "JCAMP-DX"
@@ -320,7 +320,7 @@ def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
     [
         "Wavelength;black\nnm;%\n" + rows(DARK, by=";"),
         "\tblack\nnm\t%R\n" + rows(DARK, by="\t"),
-        "Wavelength (nm)\tblack\n\t%R\n" + rows(DARK, by="\t").replace(".", ","),
+        "Wavelength (nm)\tblack\n\t%R\n" + comma_rows(DARK),
         "# reflectance in percent\nnm,black\n" + rows(DARK),
         "nm;black, %\n" + rows(DARK, by=";"),
         "Software 2\nYUNITS\t%R\n" + rows(DARK, by="\t"),
@@ -391,7 +391,7 @@ def test_deviations_and_readings_are_no_spectra(read, header):
 
 
 def test_titles_stand_above_decimal_commas_and_numbers(read):
-    text = "x (nm)\tred\tblue\n" + rows(RED, BLUE, by="\t").replace(".", ",")
+    text = "x (nm)\tred\tblue\n" + comma_rows(RED, BLUE)
     same(read(text), GRID, [RED, BLUE], ["red", "blue"], atol=1e-9)
     text = "\tred\t\tblue\t\nnm\t1\t2\t1\t2\n" + rows(RED, RED, BLUE, BLUE, by="\t")
     names = ["red 1", "red 2", "blue 1", "blue 2"]
