@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import math
 import random
 import re
 import signal
@@ -593,8 +594,7 @@ def _envi_counts(content: bytes, found: Any) -> str:
         sizes[title] = int(numbers[0])
     if _leaves_out(found) or "ENVI" not in found.format:
         return ""
-    rows = len(found)
-    right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]
+    right = found.reflectance.size == math.prod(sizes.values())
     return "" if right else f"{sizes}, {found!r}"
 
 

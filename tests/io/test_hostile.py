@@ -263,7 +263,6 @@ PACKED = jcamp_block(form="DIFDUP")
             "line 2: field larger than .*; is a quotation mark left open",
         ),
         ("t.csv", "Name,400\n" + "a\x1b[31m\n", "line 2: 1 cell where"),
-        ("t.csv", WIDE + "x,0.1,0.2,0.3\n" * 2, "line 5: sample 'x' is already on line 4"),
     ],
 )
 def test_hostile_files_end_in_one_sentence(put, name, content, complaint):
