@@ -97,19 +97,18 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
     found, sent = wired
     with start_browser(tmp_path) as browser:
         go_to(browser, "about:blank")
-        browser.execute_script(_PAGE, one_file.bundle("notebook"), found._css, found.stack)
+        js = browser.execute_script
+        js(_PAGE, one_file.bundle("notebook"), found._css, found.stack)
 
         def carry(until):
             end = time.monotonic() + 60
             while time.monotonic() < end:
-                for question in browser.execute_script("return (window.questions ?? []).splice(0)"):
+                for question in js("return (window.questions ?? []).splice(0)"):
                     found._take(found, {"glaze": "question"}, [base64.b64decode(question)])
                 for _, message in sent:
-                    browser.execute_script(
-                        "window.answer(arguments[0])", base64.b64encode(message).decode()
-                    )
+                    js("window.answer(arguments[0])", base64.b64encode(message).decode())
                 sent.clear()
-                if browser.execute_script(f"return {until}"):
+                if js(f"return {until}"):
                     return
                 time.sleep(0.05)
             raise AssertionError(f"{until}: {browser.get_log('browser')}")
@@ -120,22 +119,22 @@ def test_its_page_is_the_same_studio(wired, tmp_path):
             return [...c.getContext("2d").getImageData(c.width / 4, c.height / 2, 1, 1).data].slice(0, 3)"""
         carry("document.querySelector('.glaze-studio').dataset.busy === ''")
         # What the page sees, Python reads, and it is what the library says.
-        seen = browser.execute_script("return window.state.seen")
+        seen = js("return window.state.seen")
         stack = stack_from_dict(STACK)
         expected = np.asarray(gj.reflectance(stack.glaze(), stack.instrument))
         assert_allclose(seen["reflectance"], expected, atol=1e-4)
         rgb = 255 * np.asarray(colour.srgb(seen["wavelengths"], expected))
         assert_allclose(seen["rgb"], rgb, atol=1)
-        assert np.abs(np.array(browser.execute_script(code)) - seen["rgb"]).max() <= 1
+        assert np.abs(np.array(js(code)) - seen["rgb"]).max() <= 1
         found.seen = seen
         assert found.seen["lab"] == seen["lab"]
         # The page's slider reaches Python, and Python's stack the page.
-        browser.execute_script(
+        js(
             "const s = document.querySelector('[data-at=slider]'); s.value = 1; "
             "s.dispatchEvent(new Event('input'))"
         )
         carry("!!window.saved && JSON.parse(window.saved).coats[0].um === 10")
-        found.stack = json.loads(browser.execute_script("return window.saved"))
+        found.stack = json.loads(js("return window.saved"))
         assert found.stack["coats"][0]["um"] == 10
-        browser.execute_script("window.follow(arguments[0])", {**found.stack, "coats": []})
+        js("window.follow(arguments[0])", {**found.stack, "coats": []})
         carry("document.querySelectorAll('.coat').length === 0")
