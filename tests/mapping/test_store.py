@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from glazefit import Prior
 from glazefit.mapping.solve.update import Answers
@@ -27,18 +27,19 @@ from ..slow import slow
 from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Said, Toy, full, run_chunks, start_run, store_at
 
 
+def sums_of(store):
+    """All of a map but its arrays."""
+    tallies, sets = store.sums()
+    return pack(ChunkMaps({}, tallies, dict(sorted(sets.items())), store.unexplained()))
+
+
 def same(one, other):
     """Two maps are the same, bit for bit."""
     ours, theirs = open_map(one.path), open_map(other.path)
     for variable in VARIABLES:
         assert_array_equal(ours[variable.name].values, theirs[variable.name].values)
         assert ours[variable.name].dtype == variable.dtype
-    (tallies, sets), (others, other_sets) = one.sums(), other.sums()
-    assert tallies == others
-    packed = pack(ChunkMaps({}, others, dict(sorted(other_sets.items())), other.unexplained()))
-    mine = pack(ChunkMaps({}, tallies, dict(sorted(sets.items())), one.unexplained()))
-    for name, values in mine.items():
-        assert_array_equal(values, packed[name])
+    assert_equal(sums_of(one), sums_of(other))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (300, 300), (257, 4000), (3, 100_000)])
@@ -74,10 +75,7 @@ def test_what_is_written_reads_back(undisturbed):
         maps = Toy().solve(window)
         for variable in VARIABLES:
             there = dataset[variable.name][window.slices].values
-            wanted = maps.arrays.get(
-                variable.name, np.full(there.shape, variable.fill, variable.dtype)
-            )
-            assert_array_equal(there, wanted)
+            assert_array_equal(there, maps.arrays.get(variable.name, variable.fill))
 
 
 def test_others_open_the_store_without_a_word(undisturbed):
@@ -98,12 +96,7 @@ def test_sums_are_those_of_the_windows_in_order(undisturbed):
         third += maps.tallies["third"]
         add_sets(expected, maps.sets)
     assert tallies == {"mapped": 1900.0, "third": third}
-    assert {m: (s.pixels, s.thickness, s.pixels_with_thickness) for m, s in sets.items()} == {
-        m: (s.pixels, s.thickness, s.pixels_with_thickness) for m, s in expected.items()
-    }
-    for members, one in sets.items():
-        for name in ("spectrum", "fitted", "square"):
-            assert_array_equal(getattr(one, name), getattr(expected[members], name))
+    assert_equal(pack(ChunkMaps({}, sets=sets)), pack(ChunkMaps({}, sets=expected)))
 
 
 def test_a_thickness_is_as_sure_as_the_prior_holds_it():
@@ -212,8 +205,7 @@ def test_a_full_disk_keeps_what_is_finished(store, monkeypatch, undisturbed, num
     assert f"{len(store.done())} of {WINDOWS} windows are finished and kept" in str(found.value)
     assert found.value.filename == str(store.path)
     # A file for each array, and one for the sums.
-    files = np.cumsum([len(VARIABLES) + 1 for _ in store.windows()])
-    assert len(store.done()) == np.sum(files < failing)
+    assert len(store.done()) == (failing - 1) // (len(VARIABLES) + 1)
     assert not list(store.path.rglob("*.part*"))
     for window in store.done():
         assert_array_equal(
@@ -224,10 +216,9 @@ def test_a_full_disk_keeps_what_is_finished(store, monkeypatch, undisturbed, num
 
 
 def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", full)
-        with refusal("nothing of the map was begun", OSError):
-            store_at(tmp_path / "map.zarr")
+    monkeypatch.setattr(Path, "replace", full)
+    with refusal("nothing of the map was begun", OSError):
+        store_at(tmp_path / "map.zarr")
     assert not os.listdir(tmp_path)
 
 
