@@ -54,7 +54,7 @@ def look(made):
 
 
 def rgb(colour):
-    return [int(colour[n : n + 2], 16) for n in (1, 3, 5)]
+    return list(bytes.fromhex(colour[1:]))
 
 
 def test_every_pixel_is_counted_once(scene, dataset, look):

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from numpy.testing import assert_allclose
 
 import glazejax as gj
@@ -135,12 +136,12 @@ def test_the_band_is_that_of_the_paints_errors(paint, um, ground):
     a provenance.
     """
     found = see(coats=[{"paint": paint, "um": um}], ground=ground)
-    z, mixed = None, np.zeros((2, 400, 31))
+    mixed = np.zeros((2, 400, 31))
     for name, part in paint.items():
         one = gj.catalogue.pigment(name)
         modes = np.asarray(one.error_modes)
         # So near that log k and log s are straight.
-        z = 0.05 * np.random.default_rng(0).standard_normal((400, len(modes))) if z is None else z
+        z = 0.05 * np.random.default_rng(0).standard_normal((400, len(modes)))
         both = np.stack([np.asarray(one.absorption), np.asarray(one.scattering)])[:, None]
         mixed += part / sum(paint.values()) * both * np.exp(z @ modes.swapaxes(0, 1))
     grid = gj.catalogue.pigment("Eosin").wavelengths
@@ -158,8 +159,7 @@ def test_the_band_of_an_own_paint_is_that_of_its_standard_deviations():
     found = see(coats=[coat("Mine", 3)], pigments={"Mine": pigment_to_dict(mine)})
     more = gj.Pigment("more", one.wavelengths, 1.001 * np.asarray(one.absorption), one.scattering)
     spectra = [
-        np.asarray(gj.reflectance(gj.Glaze([gj.Layer(paint, 3e-6)], 0.93), "45:0"))
-        for paint in (one, more)
+        gj.reflectance(gj.Glaze([gj.Layer(paint, 3e-6)], 0.93), "45:0") for paint in (one, more)
     ]
     assert_allclose(found["sd"], 100 * np.abs(spectra[1] - spectra[0]), rtol=0.05, atol=1e-5)
 
@@ -233,7 +233,7 @@ def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
     [found] = read_paints(text)
     assert list(found["pigments"]) == ["Red, old", "=sum", "Eosin (own)"]
     python = read_pigments(tmp_path / "mine.csv")
-    for (_, paint), one in zip(found["pigments"].items(), python.values(), strict=True):
+    for paint, one in zip(found["pigments"].values(), python.values(), strict=True):
         for key in ("wavelengths", "absorption", "scattering"):
             assert_allclose(paint[key], getattr(one, key), rtol=1e-6)
         assert ("scattering_sd" in paint) == (one.scattering_sd is not None)
@@ -447,15 +447,7 @@ def test_words_are_read_on_every_ground_of_the_page():
     schemes = re.findall(r"\.glaze-studio \{\n(.*?)\}", page_text("style.css"), re.DOTALL)[:2]
     for scheme in schemes:
         hexes = dict(re.findall(r"--(\w+): #(\w+);", scheme))
-        rgb = {
-            name: np.array(
-                [
-                    int(c, 16)
-                    for c in re.findall("..", h if len(h) == 6 else re.sub("(.)", r"\1\1", h))
-                ]
-            )
-            for name, h in hexes.items()
-        }
+        rgb = {name: 255 * np.array(to_rgb(f"#{digits}")) for name, digits in hexes.items()}
         for ink in ("ink", "soft"):
             for ground in ("page", "panel", "field"):
                 assert contrast(rgb[ink], rgb[ground]) >= 4.5, (ink, ground, scheme)
