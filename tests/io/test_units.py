@@ -27,34 +27,26 @@ IN_UNITS = {unit: values for units, values in PRINTED.items() for unit in units.
 VALUES = [0.2, 0.4, 0.6]
 
 
-def written(folder, format_name: str, unit: str, values):
-    """A file of one spectrum whose wavelengths are in a unit."""
-    values = np.asarray(values, float)
+@pytest.mark.parametrize("format_name", ["envi", "jcamp", "json"])
+@pytest.mark.parametrize("unit", IN_UNITS)
+def test_lines_are_where_they_are(tmp_path, put, format_name, unit):
+    values = np.asarray(IN_UNITS[unit], float)
     if format_name == "envi":
-        return test_envi.put(
-            folder,
-            np.array([VALUES]),
+        path = test_envi.put(
+            tmp_path,
+            [VALUES],
             samples=3,
             lines=1,
             wavelength=envi_list(values),
             wavelength_units=unit,
             spectra_names="{lamp}",
         )
-    if format_name == "jcamp":
-        path = folder / "lamp.dx"
-        path.write_text(jcamp_block("lamp", VALUES, grid=values, xunits=unit), encoding="utf-8")
-        return path
-    path = folder / "lamp.json"
-    grid = {"type": "wavelengths", "values": values.tolist(), "unit": unit}
-    path.write_text(json.dumps([grid, {"name": "lamp", "reflectance": VALUES}]), encoding="utf-8")
-    return path
-
-
-@pytest.mark.parametrize("format_name", ["envi", "jcamp", "json"])
-@pytest.mark.parametrize("unit", IN_UNITS)
-def test_lines_are_where_they_are(tmp_path, format_name, unit):
-    values = IN_UNITS[unit]
-    table = read_spectra(written(tmp_path, format_name, unit, values))
+    elif format_name == "jcamp":
+        path = put(jcamp_block("lamp", VALUES, grid=values, xunits=unit), "lamp.dx")
+    else:
+        grid = {"type": "wavelengths", "values": values.tolist(), "unit": unit}
+        path = put(json.dumps([grid, {"name": "lamp", "reflectance": VALUES}]), "lamp.json")
+    table = read_spectra(path)
     assert_allclose(table.wavelengths, LINES, rtol=1e-6)
     assert_allclose(table.reflectance[0], VALUES, atol=1e-6)
 
