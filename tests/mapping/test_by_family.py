@@ -110,7 +110,7 @@ def test_a_report_says_what_the_sets_are(paints, made, tmp_path):
         one["family"] for about in facts.values() for one in about["pigments"] if one["anachronism"]
     }
     assert late == {"azurite"}
-    reading = sets[next(iter(facts))].spectrum / sets[next(iter(facts))].pixels
+    reading = sets[next(iter(facts))].mean
     spots = [{"name": "Spot1", "reading": reading}, {"name": "Spot2", "reading": reading[::-1]}]
     (file,) = write_spots(
         tmp_path,
