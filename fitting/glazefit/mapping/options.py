@@ -65,9 +65,9 @@ def read_binning(text: str) -> tuple[int, int, int]:
             f"--bin is {text!r}; write 2 for 2 x 2 pixels, or lines, samples and bands, such as "
             "2,2,4"
         )
-    return (
-        (factors[0], factors[0], 1) if len(factors) == 1 else (factors[0], factors[1], factors[2])
-    )
+    lines, *others = factors
+    samples, bands = others or (lines, 1)
+    return lines, samples, bands
 
 
 def read_bands(text: str) -> tuple[float, float] | None:
