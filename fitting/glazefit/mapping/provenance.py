@@ -39,6 +39,7 @@ def map_provenance(
         paint_map: the map.
         facts: names and words for the head of the page.
     """
+    attrs = paint_map.attrs
     source = {"role": "CUBE", "name": str(cube), "sha256": quick_source_hash(cube)}
     return MapProvenance(
         title=cube.name,
@@ -49,32 +50,24 @@ def map_provenance(
         versions={name: version(name) for name in _PACKAGES},
         platform=platform.platform(),
         inputs=[source, *input_files(read)],
-        shortcuts=shortcut_words(paint_map.attrs),
-        agreement=agreement_words(paint_map.attrs),
-        notes=tuple(map(str, paint_map.attrs.get("notes", ()))),
+        shortcuts={
+            "Representatives": (
+                f"{attrs['representatives']:,} spectra of the image were searched in full; any "
+                "other pixel is answered in closed form from the one nearest to it: a set that "
+                "only that pixel shows can be missed"
+            ),
+            "Bands": (
+                f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a "
+                "feature narrower than their distance is lost"
+            ),
+        },
+        agreement=agreement_words(attrs["agreement"]),
+        notes=tuple(map(str, attrs.get("notes", ()))),
     )
 
 
-def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """Steps that were not done in full for every pixel, by name, from the attributes of a map."""
-    return {
-        "Representatives": (
-            f"{attrs['representatives']:,} spectra of the image were searched in full; any other "
-            "pixel is answered in closed form from the one nearest to it: a set that only that "
-            "pixel shows can be missed"
-        ),
-        "Bands": (
-            f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature "
-            "narrower than their distance is lost"
-        ),
-    }
-
-
-def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """Agreement of answers in closed form with full searches of the same pixels, from the
-    attributes of a map.
-    """
-    agreement = attrs["agreement"]
+def agreement_words(agreement: Mapping[str, Any]) -> dict[str, str]:
+    """Agreement of answers in closed form with full searches of the same pixels."""
     comparison = {
         "Pixels compared": f"{int(agreement['pixels']):,}",
         "Same first set": f"{agreement['first']:.1%}",
