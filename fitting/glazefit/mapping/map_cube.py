@@ -219,8 +219,8 @@ class _Surveyed:
 def solve_windows(
     store: MapStore,
     solve: Callable[[Window], ChunkMaps],
-    client: "Client | None" = None,
-    progress: Progress = no_progress,
+    client: "Client | None",
+    progress: Progress,
 ) -> None:
     """Solve and keep all windows of a map that are not there yet; see `store.run.finish`."""
     finish(
