@@ -72,14 +72,11 @@ class Answers(Columns):
         _, fraction_sd, thickness_sd = log_sds(
             self.members, fractions, self.covariance, prior.spread
         )
-        absent = self.members == NOBODY
-        columns = {
-            "fraction": fractions,
-            "fraction_sd": np.minimum(fractions * fraction_sd, 0.3),
-        }
+        shares = np.where(self.members == NOBODY, np.nan, fractions)
         return {
             **vars(self),
-            **{name: np.where(absent, np.nan, values) for name, values in columns.items()},
+            "fraction": shares,
+            "fraction_sd": np.minimum(shares * fraction_sd, 0.3),
             "thickness": self.thickness,
             "thickness_sd": self.thickness * thickness_sd,
         }
@@ -104,9 +101,12 @@ def answers_near(
     count, bands = local.off.shape
     change = readings - representatives.readings[number]
     # All that is linear in the change of the reading, in one product.
-    slopes = [local.off_by, local.logs_by, local.seen_by, local.left_by]
-    by = np.concatenate([slope.reshape(-1, bands) for slope in slopes]).T.copy()
-    ends = np.cumsum([slope.shape[0] * slope.shape[1] for slope in slopes])[:-1]
+    slopes = [
+        slope.reshape(-1, bands)
+        for slope in (local.off_by, local.logs_by, local.seen_by, local.left_by)
+    ]
+    by = np.concatenate(slopes).T.copy()
+    ends = np.cumsum([len(slope) for slope in slopes])[:-1]
     off, logs, colours, adjusted_colours = (
         block.reshape(len(change), count, -1) for block in np.split(change @ by, ends, axis=1)
     )
