@@ -29,14 +29,14 @@ class Image:
         bands: that are worked with.
         noise: of one reading of the image.
         mask: pixels that are used; None for all.
-        saturated: reading from which the detector was full, if that is stated.
+        saturated: reading from which the detector was full; infinite if that is not stated.
     """
 
     source: "CubeSource | xarray.DataArray"
     bands: WorkingBands
     noise: Noise
     mask: Bool[np.ndarray, "y x"] | None
-    saturated: float | None
+    saturated: float
 
     def cube(self) -> "xarray.DataArray":
         """The lazy image."""

@@ -142,7 +142,7 @@ def map_task(
         bands=bands,
         noise=noise or Noise(),
         mask=use,
-        saturated=array.attrs.get("saturated"),
+        saturated=array.attrs.get("saturated", np.inf),
     )
     notes = tuple(array.attrs.get("notes", ()))
     return MapTask(

@@ -60,23 +60,20 @@ class WorkingBands:
         return cls(grid, mean, np.count_nonzero(mean, axis=0).astype(float))
 
     def means(
-        self, block: Float[np.ndarray, "pixels stored"], saturated: float | None = None
+        self, block: Float[np.ndarray, "pixels stored"], saturated: float = np.inf
     ) -> Float[np.ndarray, "pixels bands"]:
         """Readings of pixels, single precision.
 
         Args:
             block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
                 infinite.
-            saturated: reading from which the detector was full, if that is stated.
+            saturated: reading from which the detector was full; infinite if that is not stated.
         """
-        used = self.mean.any(axis=1)
-        first, last = np.flatnonzero(used)[[0, -1]]
+        first, last = np.flatnonzero(self.mean.any(axis=1))[[0, -1]]
         block = block[:, first : last + 1].astype(np.float32, copy=False)
         with np.errstate(invalid="ignore"):
             readings = block @ self.mean[first : last + 1].astype(np.float32)
-            full = (
-                np.zeros(len(block), bool) if saturated is None else block.max(axis=1) >= saturated
-            )
+            full = block.max(axis=1) >= saturated
             odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
         # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
         full[odd] |= np.isposinf(block[odd]).any(axis=1)
