@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...identify.search.pool import NOBODY
-from ..store.chunk import ChunkMaps, SetSum, distinct_sets, rms_difference, true_colour
+from ..store.chunk import ChunkMaps, Members, SetSum, distinct_sets, rms_difference, true_colour
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .atlas import Atlas, search_for_atlas
@@ -54,10 +54,10 @@ class PixelSolver:
             AROUND,
         )
         answers, way = self._answers(np.maximum(means[good], 0.0), reach[good])
-        seen_as = true_colour(image.bands.wavelengths, readings)
+        colours = true_colour(image.bands.wavelengths, readings)
         arrays = {
             "status": status.reshape(window.shape),
-            "true_colour": seen_as.reshape(*window.shape, 3),
+            "true_colour": colours.reshape(*window.shape, 3),
         }
         columns = {
             **answers.columns(self.task.prior),
@@ -70,13 +70,10 @@ class PixelSolver:
             full = np.full((window.pixels, *values.shape[1:]), variable.fill, variable.dtype)
             full[good] = values
             arrays[name] = full.reshape(*window.shape, *values.shape[1:])
-        tallies: dict[str, float] = {
-            label: float(np.sum(status == s)) for s, label in STATUS_WORDS.items()
-        }
+        tallies = {label: float(np.sum(status == s)) for s, label in STATUS_WORDS.items()}
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
         tallies["explained"] = float(answers.explained.sum())
         unexplained = np.flatnonzero(~answers.explained)
-        corner = window.y0, window.x0
         positions = np.stack(np.unravel_index(good[unexplained], window.shape), axis=1)
         return ChunkMaps(
             arrays=arrays,
@@ -85,7 +82,7 @@ class PixelSolver:
             unexplained=gather(
                 spectra[unexplained],
                 self.atlas.features(spectra[unexplained]),
-                positions + np.array(corner),
+                positions + np.array([window.y0, window.x0]),
             ),
         )
 
@@ -94,7 +91,7 @@ class PixelSolver:
     ) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
         answers, separation = self.atlas.answers(spectra)
-        way = np.full(len(spectra), int(Way.UPDATED), np.uint8)
+        way = np.full(len(spectra), Way.UPDATED, np.uint8)
         reach = self.reach * reach
         far = np.flatnonzero(separation > reach)
         if far.size:
@@ -106,17 +103,15 @@ class PixelSolver:
             window_answers, distance = window_atlas.answers(spectra[far])
             better = distance < separation[far]
             answers.put(far[better], window_answers.take(better))
-            way[far[better]] = int(Way.NEIGHBOUR)
-            way[far[chosen]] = int(Way.SEARCHED)
+            way[far[better]] = Way.NEIGHBOUR
+            way[far[chosen]] = Way.SEARCHED
         return answers, way
 
 
 def _sums(
     answers: Answers, spectra: Float[np.ndarray, "spectra bands"]
-) -> dict[tuple[int, ...], SetSum]:
+) -> dict[Members, SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
-    if not len(spectra):
-        return {}
     members = np.sort(np.where(answers.explained[:, None], answers.members, NOBODY), axis=1)
     one_of_each, which = distinct_sets(members)
     out = {}

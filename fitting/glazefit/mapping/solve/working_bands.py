@@ -119,7 +119,7 @@ def classify(
         sd: of their noise.
         use: the user's mask.
     """
-    status = np.full(readings.shape[:-1], int(Status.MAPPED), np.uint8)
+    status = np.full(readings.shape[:-1], Status.MAPPED, np.uint8)
     with np.errstate(invalid="ignore"):
         top = readings.max(axis=-1)
         bottom = readings.min(axis=-1)
@@ -135,7 +135,7 @@ def classify(
             ),
         ]
     for number, where in tests:
-        status[where] = int(number)
+        status[where] = number
     if use is not None:
-        status[~use] = int(Status.MASKED)
+        status[~use] = Status.MASKED
     return status
