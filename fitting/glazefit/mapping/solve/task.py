@@ -85,9 +85,10 @@ def map_task(
     shape: tuple[int, int] = (array.shape[0], array.shape[1])
     stored = np.asarray(array["wavelength"], float)
     use = read_mask(mask, array) if isinstance(mask, str | Path) else mask
-    if use is not None and np.shape(use) != shape:
-        raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
-    use = None if use is None else np.asarray(use, bool)
+    if use is not None:
+        use = np.asarray(use, bool)
+        if use.shape != shape:
+            raise ValueError(f"the mask has {_pixels(use.shape)}, the image {_pixels(shape)}")
     # The expected paints: those of the catalogue, and of spots.
     seen_by = resolve_instrument(chosen.instrument)
     catalogue = listed_pigments(pigments)
@@ -137,22 +138,20 @@ def map_task(
         for axis in ("y", "x")
         if axis in array.coords
     }
-    image = Image(
-        source=source,
-        bands=bands,
-        noise=noise or Noise(),
-        mask=use,
-        saturated=array.attrs.get("saturated", np.inf),
-    )
-    notes = tuple(array.attrs.get("notes", ()))
     return MapTask(
-        image=image,
+        image=Image(
+            source=source,
+            bands=bands,
+            noise=noise or Noise(),
+            mask=use,
+            saturated=array.attrs.get("saturated", np.inf),
+        ),
         shape=shape,
         searcher=searcher,
         prior=expected,
         ground=below,
         options=options,
-        notes=notes,
+        notes=tuple(array.attrs.get("notes", ())),
         coords=coords,
     )
 
