@@ -285,22 +285,21 @@ def _linear(
     missed = eye - body
     surface = (np.swapaxes(shapes, 1, 2) @ solved)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
-    slope = condition.slope.reshape(len(chunk), -1)[row]
-    d = task.discrepancy
-    numbers = (d.freedom, min(task.independent_readings, len(eye)))
-    unseen = slope[:, :, None]
+    slope = condition.slope.reshape(len(chunk), 1, -1)[row]
+    numbers = (task.discrepancy.freedom, min(task.independent_readings, len(eye)))
+    unseen = np.swapaxes(slope, 1, 2)
     return {
         "opaque": np.full(len(row), condition.opaque),
-        "amounts_by": shown_gain * slope[:, None, :],
+        "amounts_by": shown_gain * slope,
         "off": np.einsum("nib,nb->ni", white, residual),
-        "off_by": (white - followed) * slope[:, None, :],
-        "logs_by": gain * slope[:, None, :],
+        "off_by": (white - followed) * slope,
+        "logs_by": gain * slope,
         "gradient": gradient,
         "hessian": prior,
         "ratios": ratios,
         "numbers": np.broadcast_to(numbers, (len(row), 2)),
-        "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
-        "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
+        "fitted_by": (body + surface @ missed) * slope / unseen,
+        "left_by": (body + free @ missed) * slope / unseen,
     }
 
 
