@@ -76,7 +76,7 @@ def problem(request):
         ground,
         readings,
         sd_of(readings),
-        search_locally(searcher, readings, sd_of(readings), ground),
+        search_locally(searcher, as_measured(searcher, readings, sd_of(readings), ground)),
     )
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...film.model.errors import Prior
 from .by_family import Answered, FamilySearcher
-from .local import Searched, search_locally
+from .local import Searched, as_measured, search_locally
 from .survey import Features, nearest
 from .task import MapTask
 from .update import Answers, answers_near
@@ -60,4 +60,5 @@ def search_for_atlas(
     """Search spectra in full; see `search_locally` and `FamilySearcher`."""
     if isinstance(task.searcher, FamilySearcher):
         return task.searcher.search(readings, task.ground)
-    return search_locally(task.searcher, readings, task.image.noise_sd(readings), task.ground)
+    measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
+    return search_locally(task.searcher, measured)

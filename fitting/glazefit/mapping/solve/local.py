@@ -119,21 +119,8 @@ class Searched(Columns):
         return [slice(*pair) for pair in itertools.pairwise(ends)]
 
 
-def search_locally(
-    searcher: Searcher,
-    readings: Float[np.ndarray, "spectra bands"],
-    noise_sd: np.ndarray,
-    ground: np.ndarray | None,
-) -> Searched:
-    """Search spectra in full, and make what is found linear about each.
-
-    Args:
-        searcher: of the paints.
-        readings: of the spectra.
-        noise_sd: of their readings, the same shape.
-        ground: internal reflectance, (bands,); None where films hide it.
-    """
-    measured = as_measured(searcher, readings, noise_sd, ground)
+def search_locally(searcher: Searcher, measured: Measured) -> Searched:
+    """Search spectra (`as_measured`) in full, and make what is found linear about each."""
     pieces = [_local_models(searcher, *piece) for piece in searcher.search(measured)]
     return Searched.joined(len(pieces), lambda number, name: _single(pieces[number][name]))
 
@@ -146,6 +133,12 @@ def as_measured(
 ) -> Measured:
     """Spectra as the search takes them, with noise that is known from the whole image: one spectrum
     is a poor estimate of it.
+
+    Args:
+        searcher: of the paints.
+        readings: of the spectra.
+        noise_sd: of their readings, the same shape.
+        ground: internal reflectance, (bands,); None where films hide it.
     """
     measured = searcher.measure(np.maximum(readings, 0.0), ground)
     return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
