@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import load
+from glazejax.spectra import Bands
 
 from .store.layout import PLACES
 
@@ -38,10 +39,10 @@ class Painting:
     """
 
     spectra: Float[np.ndarray, "y x bands"]
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     paints: list[Pigment]
     foreign: list[Pigment]
-    ground: Float[np.ndarray, "bands"]
+    ground: Bands
     members: Int[np.ndarray, "y x places"]
 
 

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from glazejax.spectra import Bands
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +23,7 @@ class PlotAxes:
         most: numbers at an axis.
     """
 
-    grid: Float[np.ndarray, "bands"]
+    grid: Bands
     low: float
     high: float
     most: int = 7

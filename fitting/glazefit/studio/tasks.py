@@ -10,12 +10,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax import Pigment, catalogue, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
-from glazejax.spectra import lie_between
+from glazejax.spectra import Bands, lie_between
 from glazejax.stacks import (
     BLACK,
     WHITE,
@@ -291,9 +290,7 @@ def _stack(request: Request, coats: list[dict[str, Any]]) -> dict[str, Any]:
     )
 
 
-def _rgb(
-    grid: Float[np.ndarray, "bands"], reflectance: Float[np.ndarray, "bands"]
-) -> list[int] | None:
+def _rgb(grid: Bands, reflectance: Bands) -> list[int] | None:
     try:
         shade = colour.srgb(grid, reflectance)
     except ValueError:  # The bands give no colour.

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ...page.plot import PlotAxes
 from ...page.words import typeset
-from ..store.chunk import Members, SetSum, rms_difference
+from ..store.chunk import Bands, Members, SetSum, rms_difference
 from .overview import Overview
 
 
@@ -23,7 +22,7 @@ def share_words(count: float, of: float) -> str:
 def set_rows(
     look: Overview,
     sums: Mapping[Members, SetSum],
-    grid: Float[np.ndarray, "bands"],
+    grid: Bands,
     facts: Mapping[Members, Mapping[str, Any]] | None,
 ) -> Iterator[dict[str, Any]]:
     """Rows of the table of sets, the largest first; what is not known is None.
@@ -75,8 +74,8 @@ def _spreads(look: Overview, members: Members) -> list[tuple[str, list[str] | No
 
 def small_spectrum(
     sums: SetSum | None,
-    grid: Float[np.ndarray, "bands"],
-    film: Float[np.ndarray, "bands"] | None = None,
+    grid: Bands,
+    film: Bands | None = None,
 ) -> dict[str, Any] | None:
     """Mean of a set's readings, their spread and a film, by default the mean of its fits, NaN where
     it is not known, with axes that hold them; None where no pixel has the set.

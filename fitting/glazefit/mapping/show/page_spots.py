@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax.plots import hex_colour
 
-from ..store.chunk import SetSum, true_colour
+from ..store.chunk import Bands, SetSum, true_colour
 from .page_sets import small_spectrum
 
 SPECTRA = "spots.csv"
@@ -18,9 +17,7 @@ REFERENCES = "references.csv"
 """The same of a map by family: readings as references, of which the user says the family."""
 
 
-def spot_rows(
-    spots: Sequence[Mapping[str, Any]], grid: Float[np.ndarray, "bands"]
-) -> list[dict[str, Any]]:
+def spot_rows(spots: Sequence[Mapping[str, Any]], grid: Bands) -> list[dict[str, Any]]:
     """The map's attribute ``spots`` with a colour and a small spectrum of each.
 
     Args:

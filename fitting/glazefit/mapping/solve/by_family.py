@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.progress import Progress
+from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
 from ...identify.families.identify_pigments import identify_families, prepare_search
@@ -50,7 +51,7 @@ class FamilySearcher:
         opaque: the paint hides its ground.
     """
 
-    wavelengths: Float[np.ndarray, "bands"]
+    wavelengths: Bands
     pigments: tuple[Pigment, ...]
     options: IdentificationOptions
     opaque: bool

@@ -5,10 +5,11 @@ open.
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import ArrayLike
 
 from glazejax import Pigment
 from glazejax.geometry import Instrument
+from glazejax.spectra import Bands
 
 from ...film.model.response import film_response
 from ...identify.families.templates import hiding_ratio
@@ -16,7 +17,7 @@ from ...identify.families.templates import hiding_ratio
 
 def spot_pigment(
     name: str,
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     spectrum: ArrayLike,
     pigments: Sequence[Pigment],
     instrument: Instrument,

@@ -5,13 +5,15 @@ that no set explains.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...film.numerics.columns import Columns
 
+Bands: TypeAlias = Float[np.ndarray, "bands"]
+"""A number a band; `glazejax.spectra`, which has it too, loads JAX."""
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
 
@@ -30,24 +32,24 @@ class SetSum:
     """
 
     pixels: int
-    spectrum: Float[np.ndarray, "bands"]
-    fitted: Float[np.ndarray, "bands"]
-    square: Float[np.ndarray, "bands"]
+    spectrum: Bands
+    fitted: Bands
+    square: Bands
     thickness: float = 0.0
     pixels_with_thickness: int = 0
 
     @property
-    def mean(self) -> Float[np.ndarray, "bands"]:
+    def mean(self) -> Bands:
         """Of the readings."""
         return self.spectrum / self.pixels
 
     @property
-    def mean_fit(self) -> Float[np.ndarray, "bands"]:
+    def mean_fit(self) -> Bands:
         """Of what was fitted; NaN where that is not known of all pixels."""
         return self.fitted / self.pixels
 
     @property
-    def sd(self) -> Float[np.ndarray, "bands"]:
+    def sd(self) -> Bands:
         """Standard deviation of the readings."""
         return np.sqrt(np.maximum(self.square / self.pixels - self.mean**2, 0.0))
 
@@ -129,9 +131,7 @@ def rms_difference(
         return np.asarray(np.sqrt(square.sum(axis=-1) / finite.sum(axis=-1)))
 
 
-def true_colour(
-    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]
-) -> np.ndarray:
+def true_colour(wavelengths: Bands, readings: Float[np.ndarray, "pixels bands"]) -> np.ndarray:
     """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
     from glazejax.colour import srgb
 
