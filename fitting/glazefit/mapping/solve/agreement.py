@@ -3,17 +3,17 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
 
 from ...identify.result import Identification
 from .by_family import FamilySearcher
 from .local import as_measured
+from .survey import SpectraReadings
 from .task import MapTask
 
 
 def agreement(
     task: MapTask,
-    readings: Float[np.ndarray, "spectra bands"],
+    readings: SpectraReadings,
     mapped: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Compare a map's answers for pixels with a search of each.

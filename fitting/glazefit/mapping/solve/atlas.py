@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ...film.model.errors import Prior
 from .by_family import Answered, FamilySearcher
 from .local import Searched, as_measured, search_locally
-from .survey import Features, nearest
+from .survey import Features, PerSpectrum, SpectraReadings, nearest
 from .task import MapTask
 from .update import Answers, answers_near
 
@@ -33,9 +33,7 @@ class Atlas:
         """Features of the representatives."""
         return self.features(self.representatives.readings)
 
-    def answers(
-        self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
+    def answers(self, readings: SpectraReadings) -> tuple[Answers, PerSpectrum]:
         """Answers for spectra, and the distance of each from its representative.
 
         Families have the answer of the representative: paints of one family are far more apart
@@ -54,9 +52,7 @@ class Atlas:
         return answers, distance
 
 
-def search_for_atlas(
-    task: MapTask, readings: Float[np.ndarray, "spectra bands"]
-) -> Searched | Answered:
+def search_for_atlas(task: MapTask, readings: SpectraReadings) -> Searched | Answered:
     """Search spectra in full; see `search_locally` and `FamilySearcher`."""
     if isinstance(task.searcher, FamilySearcher):
         return task.searcher.search(readings, task.ground)

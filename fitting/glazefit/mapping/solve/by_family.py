@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.progress import Progress
@@ -19,6 +18,7 @@ from ...identify.families.templates import most_films
 from ...identify.result import Identification
 from ...identify.result.groups import GROUPS, group_of
 from ...identify.search.options import IdentificationOptions
+from .survey import SpectraReadings
 from .update import Answers
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.
@@ -36,7 +36,7 @@ class Answered(Columns):
         answers: of each.
     """
 
-    readings: Float[np.ndarray, "spectra bands"]
+    readings: SpectraReadings
     answers: Answers
 
 
@@ -87,9 +87,7 @@ class FamilySearcher:
         """
         prepare_search(self.wavelengths, self.pigments, self.options, ground, progress)
 
-    def search(
-        self, readings: Float[np.ndarray, "spectra bands"], ground: np.ndarray | None
-    ) -> Answered:
+    def search(self, readings: SpectraReadings, ground: np.ndarray | None) -> Answered:
         """Search spectra.
 
         Args:

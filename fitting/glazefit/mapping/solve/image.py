@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from ...film.films import Noise
 from ..store.windows import Window
-from .working_bands import WorkingBands, classify
+from .working_bands import BandReadings, WorkingBands, classify
 
 if TYPE_CHECKING:
     import xarray
@@ -57,7 +57,7 @@ class Image:
         with np.errstate(invalid="ignore"):
             return spectra, classify(spectra, self.noise_sd(spectra), use)
 
-    def noise_sd(self, readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+    def noise_sd(self, readings: BandReadings) -> BandReadings:
         """Standard deviation of the noise of readings at the working bands."""
         return self.bands.noise_sd(readings, self.noise)
 

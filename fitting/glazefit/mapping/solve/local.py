@@ -36,6 +36,7 @@ from ...identify.search.task import IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds, evidence_shares
 from ..store.layout import PLACES
+from .survey import SpectraReadings
 
 _STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
@@ -127,7 +128,7 @@ def search_locally(searcher: Searcher, measured: Measured) -> Searched:
 
 def as_measured(
     searcher: Searcher,
-    readings: Float[np.ndarray, "spectra bands"],
+    readings: SpectraReadings,
     noise_sd: np.ndarray,
     ground: np.ndarray | None,
 ) -> Measured:
@@ -212,9 +213,7 @@ def _local_models(
     }
 
 
-def _density_slopes(
-    films: FilmsUnderCondition, brighter: FilmsUnderCondition
-) -> Float[np.ndarray, "spectra bands"]:
+def _density_slopes(films: FilmsUnderCondition, brighter: FilmsUnderCondition) -> SpectraReadings:
     """Slopes of what changes of variables add to a log density; see
     `glazefit.identify.search.unstated_conditions`.
     """

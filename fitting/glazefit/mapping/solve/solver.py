@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from ...identify.search.pool import NOBODY
 from ..store.chunk import ChunkMaps, Members, SetSum, distinct_sets, rms_difference, true_colour
@@ -12,7 +11,7 @@ from ..store.windows import Window
 from .atlas import Atlas, search_for_atlas
 from .pool import AROUND, pooled
 from .process import give_back, one_thread_each
-from .survey import spread_out
+from .survey import PerSpectrum, SpectraReadings, spread_out
 from .task import MapTask
 from .unexplained import gather
 from .update import Answers
@@ -86,9 +85,7 @@ class PixelSolver:
             ),
         )
 
-    def _answers(
-        self, spectra: Float[np.ndarray, "spectra bands"], reach: Float[np.ndarray, "spectra"]
-    ) -> tuple[Answers, np.ndarray]:
+    def _answers(self, spectra: SpectraReadings, reach: PerSpectrum) -> tuple[Answers, np.ndarray]:
         """Answers for good pixels, and the way of each."""
         answers, separation = self.atlas.answers(spectra)
         way = np.full(len(spectra), Way.UPDATED, np.uint8)
@@ -108,9 +105,7 @@ class PixelSolver:
         return answers, way
 
 
-def _sums(
-    answers: Answers, spectra: Float[np.ndarray, "spectra bands"]
-) -> dict[Members, SetSum]:
+def _sums(answers: Answers, spectra: SpectraReadings) -> dict[Members, SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
     members = np.sort(np.where(answers.explained[:, None], answers.members, NOBODY), axis=1)
     one_of_each, which = distinct_sets(members)

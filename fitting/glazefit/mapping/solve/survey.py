@@ -1,12 +1,18 @@
 """Survey of an image: a sample of its pixels, and representatives near all of them."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import cores
+
+SpectraReadings: TypeAlias = Float[np.ndarray, "spectra bands"]
+"""Readings of spectra at the working bands."""
+PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
+"""A number a spectrum."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +28,7 @@ class Features:
     directions: Float[np.ndarray, "directions bands"]
 
     @classmethod
-    def of(
-        cls, sample: Float[np.ndarray, "spectra bands"], *, brightness: bool = True
-    ) -> "Features":
+    def of(cls, sample: SpectraReadings, *, brightness: bool = True) -> "Features":
         """Those in which the spectra of a sample differ most.
 
         Args:
@@ -41,15 +45,11 @@ class Features:
         # Directions in which spectra are compared.
         return cls(middle, np.ascontiguousarray(vectors[:, :16].T @ even))
 
-    def __call__(
-        self, readings: Float[np.ndarray, "spectra bands"]
-    ) -> Float[np.ndarray, "spectra directions"]:
+    def __call__(self, readings: SpectraReadings) -> Float[np.ndarray, "spectra directions"]:
         """Features of spectra, single precision."""
         return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
 
-    def doubt(
-        self, readings: Float[np.ndarray, "spectra bands"], sd: Float[np.ndarray, "spectra bands"]
-    ) -> Float[np.ndarray, "spectra"]:
+    def doubt(self, readings: SpectraReadings, sd: SpectraReadings) -> PerSpectrum:
         """Mean square of the distance by which noise moves spectra.
 
         Args:
@@ -71,7 +71,7 @@ def _logs(readings: np.ndarray) -> np.ndarray:
 def nearest(
     features: Float[np.ndarray, "spectra directions"],
     centres: Float[np.ndarray, "centres directions"],
-) -> tuple[Int[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
+) -> tuple[Int[np.ndarray, "spectra"], PerSpectrum]:
     """Number of the nearest centre of each spectrum, and how far it is."""
     from scipy.spatial import KDTree
 
@@ -110,7 +110,7 @@ def spread_out(
 
 def survey(
     features: Features,
-    sample: Float[np.ndarray, "spectra bands"],
+    sample: SpectraReadings,
     most: int,
     reach: "float | Float[np.ndarray, 'spectra']",
     progress: Progress = no_progress,

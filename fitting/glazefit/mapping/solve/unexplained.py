@@ -20,7 +20,7 @@ from glazejax.spectra import Bands
 
 from ..store.chunk import Unexplained
 from .spots import spot_pigment
-from .survey import group_means, nearest, spread_out
+from .survey import SpectraReadings, group_means, nearest, spread_out
 
 SPOTS = 10
 """Spectra that are offered as paints, at most."""
@@ -31,7 +31,7 @@ _BLACK = 0.01
 
 
 def gather(
-    readings: Float[np.ndarray, "spectra bands"],
+    readings: SpectraReadings,
     features: Float[np.ndarray, "spectra directions"],
     places: Int[np.ndarray, "spectra 2"],
 ) -> Unexplained:

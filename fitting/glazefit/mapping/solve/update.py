@@ -11,6 +11,7 @@ from ...identify.result import fractions_of, log_sds
 from ...identify.search.pool import NOBODY
 from ...identify.search.weigh import Misfits, weigh
 from .local import Local, Searched
+from .survey import PerSpectrum, SpectraReadings
 
 # Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
 _FAR = 1.5
@@ -23,14 +24,14 @@ class Answers(Columns):
     members: Int[np.ndarray, "spectra 3"]
     condition: Int[np.ndarray, "spectra"]
     opaque: Bool[np.ndarray, "spectra"]
-    probability: Float[np.ndarray, "spectra"]
-    none: Float[np.ndarray, "spectra"]
+    probability: PerSpectrum
+    none: PerSpectrum
     explained: Bool[np.ndarray, "spectra"]
     paint_probability: Float[np.ndarray, "spectra paints"]
     amounts: Float[np.ndarray, "spectra 3"]  # log, m; -inf for no paint
     covariance: Float[np.ndarray, "spectra 3 3"]
-    misfit: Float[np.ndarray, "spectra"]
-    fitted: Float[np.ndarray, "spectra bands"]
+    misfit: PerSpectrum
+    fitted: SpectraReadings
 
     def put(self, rows: np.ndarray, source: "Answers") -> None:
         """Write others' answers into some rows."""
@@ -61,7 +62,7 @@ class Answers(Columns):
         return fractions_of(np.exp(self.amounts))
 
     @property
-    def thickness(self) -> Float[np.ndarray, "spectra"]:
+    def thickness(self) -> PerSpectrum:
         """Of the film, m; NaN where it hides its ground."""
         return np.where(self.opaque, np.nan, np.exp(self.amounts).sum(axis=1))
 
@@ -86,7 +87,7 @@ def answers_near(
     representatives: Searched,
     number: int,
     prior: Prior,
-    readings: Float[np.ndarray, "spectra bands"],
+    readings: SpectraReadings,
 ) -> Answers:
     """Answers for spectra near one representative.
 

@@ -6,6 +6,7 @@ Bands are as fine as the paints are known.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -18,6 +19,8 @@ from ...film.shared_bands import SEARCHED, shared_bands
 from ...identify.families.expected import has_families
 from ..store.layout import Status
 
+BandReadings: TypeAlias = Float[np.ndarray, "*n bands"]
+"""Readings at the working bands, of any shape."""
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.
 _SURE = 4.0
 
@@ -81,9 +84,7 @@ class WorkingBands:
         readings[full] = np.inf
         return readings
 
-    def noise_sd(
-        self, readings: Float[np.ndarray, "*n bands"], noise: Noise
-    ) -> Float[np.ndarray, "*n bands"]:
+    def noise_sd(self, readings: BandReadings, noise: Noise) -> BandReadings:
         """Standard deviation of the readings' noise.
 
         Args:
@@ -108,8 +109,8 @@ def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
 
 
 def classify(
-    readings: Float[np.ndarray, "*n bands"],
-    sd: Float[np.ndarray, "*n bands"],
+    readings: BandReadings,
+    sd: BandReadings,
     use: Bool[np.ndarray, "*n"] | None = None,
 ) -> UInt8[np.ndarray, "*n"]:
     """Status of pixels: a number of `layout.Status` for each.
