@@ -244,9 +244,10 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
         status = classify(sample, sd)
         good = status == Status.MAPPED
         if not good.any():
-            counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
             reasons = (
-                ", ".join(f"{count} {word}" for word, count in counts.items())
+                ", ".join(
+                    f"{np.sum(status == s)} {STATUS_WORDS[Status(s)]}" for s in np.unique(status)
+                )
                 or "the mask leaves none"
             )
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
