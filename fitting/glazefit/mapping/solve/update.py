@@ -57,18 +57,13 @@ class Answers(Columns):
         )
 
     @property
-    def fractions(self) -> Float[np.ndarray, "spectra 3"]:
-        """Share of each paint; NaN where the answer has no amounts."""
-        return fractions_of(np.exp(self.amounts))
-
-    @property
     def thickness(self) -> PerSpectrum:
         """Of the film, m; NaN where it hides its ground."""
         return np.where(self.opaque, np.nan, np.exp(self.amounts).sum(axis=1))
 
     def columns(self, prior: Prior) -> dict[str, np.ndarray]:
         """Arrays of a map by the names of `layout.VARIABLES`; `prior` is what was expected."""
-        fractions = self.fractions
+        fractions = fractions_of(np.exp(self.amounts))
         # Standard deviations of the logs of the fractions and of the thickness.
         _, fraction_sd, thickness_sd = log_sds(
             self.members, fractions, self.covariance, prior.spread
