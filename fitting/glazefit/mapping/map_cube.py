@@ -21,6 +21,7 @@ from glazejax.progress import Progress, no_progress
 from ..film.films import Noise
 from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
+from ..identify.families.identify_pigments import prepare_search
 from ..identify.search.options import SearchKeywords, check_keywords
 from ..identify.search.searcher import Searcher
 from .solve.agreement import agreement
@@ -321,7 +322,8 @@ def _atlas(
 ) -> Atlas:
     """Representatives, searched piece by piece, here or on a cluster."""
     work = store.work
-    by_family = isinstance(task.searcher, FamilySearcher)
+    searcher = task.searcher
+    by_family = isinstance(searcher, FamilySearcher)
     size = _PIECE // 4 if by_family else _PIECE
     keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // size))]
 
@@ -329,8 +331,9 @@ def _atlas(
         give_back()
         progress(done, total, stage)
 
-    if isinstance(task.searcher, FamilySearcher) and client is None and {*keys} - work.done():
-        task.searcher.set_up(task.ground, note)
+    if by_family and client is None and {*keys} - work.done():
+        # So that the first spectrum need not wait for it.
+        prepare_search(searcher.wavelengths, searcher.pigments, searcher.options, task.ground, note)
     search = partial(_search_piece, task, surveyed.readings, size)
     finish(keys, search, work.done(), work.put, client, note, stage="searching")
     kind = Answered if by_family else Searched

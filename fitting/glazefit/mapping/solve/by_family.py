@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from glazejax import Pigment
-from glazejax.progress import Progress
 from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
-from ...identify.families.identify_pigments import identify_families, prepare_search
+from ...identify.families.identify_pigments import identify_families
 from ...identify.families.naming import coloured_first
 from ...identify.families.templates import most_films
 from ...identify.result import Identification
@@ -77,15 +76,6 @@ class FamilySearcher:
     @cached_property
     def _numbers(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.paints)}
-
-    def set_up(self, ground: np.ndarray | None, progress: Progress) -> None:
-        """Set the search up, so that the first spectrum need not wait for it.
-
-        Args:
-            ground: as for `search`.
-            progress: called meanwhile.
-        """
-        prepare_search(self.wavelengths, self.pigments, self.options, ground, progress)
 
     def search(self, readings: SpectraReadings, ground: np.ndarray | None) -> Answered:
         """Search spectra.
