@@ -48,7 +48,7 @@ class KeyedResults:
         Raises:
             OSError: the disk is full; nothing is left of this result then.
         """
-        path = self._path(key)
+        path = self.folder / f"{key}.npz"
         named: dict[str, Any] = dict(result)
         with explain_full_disk(
             path, lambda: "make room, then run the same again: what is finished is kept"
@@ -64,7 +64,7 @@ class KeyedResults:
             KeyError: there is none.
             ValueError: the file is damaged; without it the result is made again.
         """
-        path = self._path(key)
+        path = self.folder / f"{key}.npz"
         try:
             # Of a file that it cannot read NumPy leaves its own open.
             with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
@@ -75,6 +75,3 @@ class KeyedResults:
             raise ValueError(
                 f"{path} cannot be read ({error}): remove it, and the same run makes it again"
             ) from None
-
-    def _path(self, key: str) -> Path:
-        return self.folder / f"{key}.npz"
