@@ -143,12 +143,6 @@ def true_colour(wavelengths: Bands, readings: Float[np.ndarray, "pixels bands"])
     return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)
 
 
-def add_sets(into: dict[Members, SetSum], sums: Mapping[Members, SetSum]) -> None:
-    """Add sums of sets to others."""
-    for members, total in sums.items():
-        into[members] = into[members] + total if members in into else total
-
-
 def pack(maps: ChunkMaps) -> dict[str, np.ndarray]:
     """All of a window but its arrays, by name; `unpack` gives the same numbers back."""
     counts = {"tallies": maps.tallies, "members": [*maps.sets]}

@@ -23,7 +23,7 @@ import numpy as np
 from glazejax.extras import require
 
 from .atomic_files import KeyedResults, explain_full_disk
-from .chunk import ChunkMaps, Members, SetSum, Unexplained, add_sets, pack, unpack
+from .chunk import ChunkMaps, Members, SetSum, Unexplained, pack, unpack
 from .create import FORMAT, WORK, lay_out, plain
 from .layout import BY_NAME, VARIABLES, Variable
 from .lock import hold
@@ -232,7 +232,8 @@ class MapStore:
         for window in sorted(self.done()):
             maps = self._window_sums(window)
             tallies.update(maps.tallies)
-            add_sets(sets, maps.sets)
+            for members, total in maps.sets.items():
+                sets[members] = sets[members] + total if members in sets else total
         return tallies, sets
 
     def unexplained(self) -> Unexplained:
