@@ -207,6 +207,8 @@ class MapStore:
             ValueError: arrays that do not fit the window.
             OSError: the disk is full; other windows are kept.
         """
+        import zarr
+
         with explain_full_disk(
             self.path,
             lambda: (
@@ -215,7 +217,10 @@ class MapStore:
             ),
         ):
             self._sums.put(str(window), pack(maps))
-            arrays = self._arrays()
+            # Chunks of nothing but fill are written too, so that one that is missing is noticed.
+            with zarr.config.set({"array.write_empty_chunks": True}):
+                group = zarr.open_group(self.path, mode="r+")
+                arrays: dict[str, Any] = {name: group[name] for name in BY_NAME}
             for variable in sorted(VARIABLES, key=lambda variable: variable.name == "status"):
                 values = maps.arrays.get(variable.name, np.asarray(variable.fill))
                 arrays[variable.name][window.slices] = values.astype(variable.dtype)
@@ -310,16 +315,6 @@ class MapStore:
     def _damage(self, window: Window, reason: str) -> ValueError:
         """An error that names a window, what is damaged in it, and the remedy."""
         return ValueError(f"window {window} of {self.path} is damaged ({reason}){_FIX}")
-
-    def _arrays(self) -> dict[str, Any]:
-        """Arrays to write to, by name; chunks of nothing but fill are written too, so that one that
-        is missing is noticed.
-        """
-        import zarr
-
-        with zarr.config.set({"array.write_empty_chunks": True}):
-            group = zarr.open_group(self.path, mode="r+")
-            return {name: group[name] for name in BY_NAME}
 
 
 def open_map(path: str | Path) -> "xarray.Dataset":
