@@ -50,13 +50,12 @@ def lay_out(
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
 
-    about = {"format": FORMAT, "run": uuid4().hex, "shape": shape, "chunk": chunk}
     metadata = {
         "Conventions": "CF-1.11",
         **attrs,
-        "paints": list(paints),
+        "paints": paints,
         "options": options,
-        "glazejax": about,
+        "glazejax": {"format": FORMAT, "run": uuid4().hex, "shape": shape, "chunk": chunk},
     }
     group = zarr.create_group(path, attributes=plain(metadata))
     packed = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
