@@ -96,7 +96,12 @@ def export_map(
             _write_netcdf(store, partial)
     else:
         header, data = files
-        names = _band_names(store.paints)
+        of_paints = (
+            f"{label} {braceless(paint)}"
+            for paint in store.paints
+            for label in ("probability of", "fraction of", "fraction standard deviation of")
+        )
+        names = [*map(_label, _SINGLE), *of_paints]
         with _whole(data) as partial:
             _write_bands(store, partial, len(names), progress)
         with _whole(header) as partial:
@@ -119,12 +124,11 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
     encoding: dict[str, dict[str, Any]] = {}
     for variable in VARIABLES:
         array = dataset[variable.name]
-        further = array.shape[2:]
         encoding[variable.name] = {
             "zlib": True,
             "complevel": 1,
             "shuffle": True,
-            "chunksizes": (*store.chunk, *further),
+            "chunksizes": (*store.chunk, *array.shape[2:]),
         }
         if np.dtype(variable.dtype).kind != "f":
             # A fill value would turn whole numbers into others in programs that mask it.
@@ -149,15 +153,6 @@ def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
         plain = len(kinds) == 1 and kinds <= {int, float, str}
         flat[str(name)] = value if plain else json.dumps(value)
     return flat
-
-
-def _band_names(paints: tuple[str, ...]) -> list[str]:
-    of_paints = [
-        f"{label} {braceless(paint)}"
-        for paint in paints
-        for label in ("probability of", "fraction of", "fraction standard deviation of")
-    ]
-    return [*map(_label, _SINGLE), *of_paints]
 
 
 def _label(variable: Variable) -> str:
