@@ -196,7 +196,7 @@ def parse_srgb(code: str) -> tuple[Lab, str]:
         )
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
-    return np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0, digits.lower()
+    return np.array(list(bytes.fromhex(digits))) / 255.0, digits.lower()
 
 
 def spectral_target(wavelengths: ArrayLike, reflectance: ArrayLike, *, name: str) -> Target:

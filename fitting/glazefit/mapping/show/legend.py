@@ -75,7 +75,7 @@ def seen_colours(shades: Shades) -> Float[np.ndarray, "eyes colours 3"]:
 
 def rgb(colour: str) -> list[int]:
     """Red, green and blue of #rrggbb, 0 to 255."""
-    return [int(colour[n : n + 2], 16) for n in (1, 3, 5)]
+    return list(bytes.fromhex(colour[1:]))
 
 
 def _shades(colours: Sequence[str]) -> Shades:
