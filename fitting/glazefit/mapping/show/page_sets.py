@@ -84,7 +84,7 @@ def small_spectrum(
         return None
     fitted = sums.mean_fit if film is None else film
     highest = (sums.mean + sums.sd).max()
-    most = next(top for top in (0.1, 0.2, 0.5, 1.0, 2.0) if highest <= top or top == 2.0)
+    most = next((top for top in (0.1, 0.2, 0.5, 1.0) if highest <= top), 2.0)
     return {
         "axes": PlotAxes(grid=grid, low=0.0, high=most, most=4),
         "off": float(rms_difference(sums.mean, fitted)),

@@ -214,13 +214,10 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
         else (grid[-1] - 10, 0.5 * (grid[0] + grid[-1]), grid[0] + 30)
     )
     bands = [int(np.abs(grid - centre).argmin()) for centre in centres]
+    shown = slice(step // 2, None, step)
     channels = []
     for band in bands:
-        values = np.asarray(
-            cube.isel(
-                y=slice(step // 2, None, step), x=slice(step // 2, None, step), wavelength=band
-            )
-        )
+        values = np.asarray(cube.isel(y=shown, x=shown, wavelength=band))
         low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
         stretched = np.nan_to_num(np.clip((values - low) / max(high - low, 1e-6), 0, 1), nan=1.0)
         channels.append((stretched * 255).round().astype(np.uint8))
@@ -244,7 +241,7 @@ def enlarge(image: np.ndarray) -> np.ndarray:
     """Every pixel as a square, if there are so few that a page would blur them."""
     # Pictures below this width are shown with larger squares.
     times = -(-640 // image.shape[1])
-    return image if times == 1 else image.repeat(times, axis=0).repeat(times, axis=1)
+    return image.repeat(times, axis=0).repeat(times, axis=1)
 
 
 def write_pictures(

@@ -19,8 +19,6 @@ from .overview import shown_sets
 if TYPE_CHECKING:
     import xarray
 
-_NONE = "none of these"
-
 
 def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
     """Sets, the most frequent first."""
@@ -121,7 +119,7 @@ def write_sets(
 def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
     """Numbers of a set by the titles of its table."""
     return {
-        "paints": set_words(members, paints) or _NONE,
+        "paints": set_words(members, paints) or "none of these",
         "pixels": sums.pixels,
         "share": sums.pixels / mapped,
         "thickness_um": sums.thickness_um,
