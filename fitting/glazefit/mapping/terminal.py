@@ -58,12 +58,10 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
             store = MapStore(out)
         except ValueError:
             return f"{stopped}: no map was begun."
-        done = len(store.done())
-        of = len(store.windows())
         how = " without --overwrite" if overwrite else ""
         return (
-            f"{stopped}: {done} of {of} windows are finished and kept in {out}; the same "
-            f"command{how} goes on from there."
+            f"{stopped}: {len(store.done())} of {len(store.windows())} windows are finished and "
+            f"kept in {out}; the same command{how} goes on from there."
         )
 
     try:
