@@ -4,7 +4,7 @@ by pixel, out.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -27,9 +27,6 @@ from .options import (
     read_white,
     read_window,
 )
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 def _option(text: str, metavar: str = "", callback: Any = None) -> Any:
@@ -286,11 +283,21 @@ def map_(
 
     console = progress.plain_console()
     if example:
-        cube, example_ground, foreign = _example(out, console)
+        from .example import FOREIGN, painting, write_painting
+
+        # A small painting next to the map.
+        folder = out.with_name(f"{out.stem}-example")
+        cube = folder / "painting.hdr"
+        if not cube.exists():
+            with progress.follow("making a painting"):
+                scene = painting()
+                write_painting(folder, scene)
+            lines, samples, _ = scene.spectra.shape
+            console.print(f"Made a painting of {samples} x {lines} pixels: {cube}")
         if not (opaque or ground):
-            ground = str(example_ground)
+            ground = str(folder / "ground.csv")
         if catalogue == options.OILS and not (pigments or only or without):
-            without = foreign
+            without = FOREIGN
     assert cube is not None
     chosen = {**typed, "catalogue": catalogue, "without": without}
     paints, by_family, search, asked = facts.read_search(chosen, console)
@@ -355,10 +362,15 @@ def map_(
             "Elements not found": ", ".join(search["without_elements"]),
             "Painted": "" if painted is None else str(painted),
         }
-        searched = IdentificationOptions(**search)
         with progress.follow("writing the report"):
             families = (
-                describe_sets(paint_map, sets, paints, searched, store.options["ground"])
+                describe_sets(
+                    paint_map,
+                    sets,
+                    paints,
+                    IdentificationOptions(**search),
+                    store.options["ground"],
+                )
                 if by_family
                 else None
             )
@@ -423,20 +435,3 @@ def _check_outputs(
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")
         options.check_folder(report, overwrite, argument="--report")
-
-
-def _example(out: Path, console: "Console") -> tuple[Path, Path, str]:
-    """Make a small painting next to the map: its cube, its ground, and the paints that the map is
-    not given.
-    """
-    from .example import FOREIGN, painting, write_painting
-
-    folder = out.with_name(f"{out.stem}-example")
-    header = folder / "painting.hdr"
-    if not header.exists():
-        with progress.follow("making a painting"):
-            scene = painting()
-            write_painting(folder, scene)
-        lines, samples, _ = scene.spectra.shape
-        console.print(f"Made a painting of {samples} x {lines} pixels: {header}")
-    return header, folder / "ground.csv", FOREIGN
