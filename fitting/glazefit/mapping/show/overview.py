@@ -239,7 +239,7 @@ def pixel_area(dataset: "xr.Dataset") -> float | None:
         unit = metres.get(str(dataset[name].attrs.get("units", "")).lower())
         if unit is None:
             return None
-        first, second = np.asarray(dataset[name].isel({name: slice(0, 2)}), float)
+        first, second = dataset[name].values[:2].astype(float)
         area *= abs(second - first) * unit
     return area
 
