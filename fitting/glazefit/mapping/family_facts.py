@@ -2,7 +2,7 @@
 looks most like its mean spectrum.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..identify.show.explanation import explanations
 from ..identify.show.family_record import describe_film, describe_pigments
 from .show.names import paint_names
 from .show.overview import shown_sets
-from .store.chunk import Members, SetSum
+from .store.chunk import Members, SetSums
 
 if TYPE_CHECKING:
     import xarray
@@ -31,7 +31,7 @@ _NAMED = 0.005
 
 def describe_sets(
     paint_map: "xarray.Dataset",
-    sets: Mapping[Members, SetSum],
+    sets: SetSums,
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     ground: Sequence[float] | None,

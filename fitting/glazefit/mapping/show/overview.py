@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from glazejax.plots import hex_colour
 
-from ..store.chunk import Members, SetSum
+from ..store.chunk import Members, SetSums
 from ..store.layout import Status, Way, status_counts
 from .legend import MOST_SETS, legend_colours
 from .names import paint_names, set_words
@@ -161,7 +161,7 @@ def shown_sets(pixels: Mapping[Members, int]) -> list[Members]:
 def overview(
     dataset: "xr.Dataset",
     tallies: Mapping[str, float],
-    sets: Mapping[Members, SetSum],
+    sets: SetSums,
 ) -> Overview:
     """Look at a map, some rows at a time, so that memory stays small whatever its size.
 

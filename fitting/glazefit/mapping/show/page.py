@@ -13,7 +13,7 @@ import numpy as np
 from glazejax.io.write import write_files
 
 from ...page.templates import fill_template
-from ..store.chunk import Members, SetSum
+from ..store.chunk import Members, SetSums
 from ..store.layout import STATUS_WORDS, Status, Way
 from .classes import CLASSES, write_classes
 from .legend import OTHERS
@@ -81,7 +81,7 @@ class MapProvenance:
 def write_report(
     dataset: "xr.Dataset",
     tallies: Mapping[str, float],
-    sets: Mapping[Members, SetSum],
+    sets: SetSums,
     provenance: MapProvenance,
     folder: Path,
     *,

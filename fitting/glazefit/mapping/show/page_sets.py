@@ -7,7 +7,7 @@ import numpy as np
 
 from ...page.plot import PlotAxes
 from ...page.words import typeset
-from ..store.chunk import Bands, Members, SetSum, rms_difference
+from ..store.chunk import Bands, Members, SetSum, SetSums, rms_difference
 from .overview import Overview
 
 
@@ -21,7 +21,7 @@ def share_words(count: float, of: float) -> str:
 
 def set_rows(
     look: Overview,
-    sums: Mapping[Members, SetSum],
+    sums: SetSums,
     grid: Bands,
     facts: Mapping[Members, Mapping[str, Any]] | None,
 ) -> Iterator[dict[str, Any]]:

@@ -11,7 +11,7 @@ from rich.text import Text
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
-from ..store.chunk import Members, SetSum, rms_difference
+from ..store.chunk import Members, SetSum, SetSums, rms_difference
 from ..store.layout import STATUS_WORDS, Status, status_counts
 from .names import paint_names, set_words
 from .overview import shown_sets
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
+def by_area(sets: SetSums) -> list[tuple[Members, SetSum]]:
     """Sets, the most frequent first."""
     return sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
 
@@ -28,7 +28,7 @@ def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
 def report_map(
     dataset: "xarray.Dataset",
     tallies: Mapping[str, float],
-    sets: Mapping[Members, SetSum],
+    sets: SetSums,
 ) -> Iterator[RenderableType]:
     """What became of the pixels, and the sets that the report shows, too.
 
@@ -78,7 +78,7 @@ def report_map(
 def write_sets(
     path: Path,
     dataset: "xarray.Dataset",
-    sets: Mapping[Members, SetSum],
+    sets: SetSums,
     *,
     overwrite: bool,
 ) -> None:

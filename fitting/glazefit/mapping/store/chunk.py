@@ -63,6 +63,10 @@ class SetSum:
         return SetSum(**{name: value + getattr(other, name) for name, value in vars(self).items()})
 
 
+SetSums: TypeAlias = Mapping[Members, SetSum]
+"""Sums of each set."""
+
+
 @dataclass(frozen=True)
 class Unexplained(Columns):
     """Spectra that no paints explain, in groups of like ones.
