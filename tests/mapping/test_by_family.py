@@ -99,7 +99,7 @@ def test_a_report_says_what_the_sets_are(paints, made, tmp_path):
     _, sets = store.sums()
     asked = IdentificationOptions(**KNOWN)
     facts = describe_sets(found, sets, list(paints.values()), asked, store.options["ground"])
-    assert set(facts) == set(shown_sets({members: one.pixels for members, one in sets.items()}))
+    assert set(facts) == set(shown_sets(sets))
     names = found["paint"].to_numpy()
     for members, about in facts.items():
         said = {one["family"] for one in about["pigments"]}

@@ -56,11 +56,6 @@ def report_of(*map_and_about, **facts):
         return write_report(*map_and_about, **facts)
 
 
-def shown(sets):
-    """Those of the sets that are shown."""
-    return shown_sets({members: one.pixels for members, one in sets.items()})
-
-
 @pytest.fixture(scope="module")
 def part(made, tmp_path_factory):
     """A map that is not finished, whose columns were answered in two ways, and its report without
@@ -122,7 +117,7 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
     rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
     names = [str(name) for name in dataset["paint"].values]
     mapped = int(np.sum(dataset["status"].values == Status.MAPPED))
-    ranked = shown(sets)
+    ranked = shown_sets(sets)
     others = len(sets) - 1 > len(ranked)
     assert len(rows) == len(ranked) + others + 1
     for number, (row, members) in enumerate(zip(rows, ranked, strict=False), start=1):
@@ -171,14 +166,16 @@ def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family
         assert each in said, each
     assert "median share by mass" not in said
     # One map beside the object for each name of a set that is shown.
-    names = {n for members in shown(sets) for n in members}
+    names = {n for members in shown_sets(sets) for n in members}
     assert said.count("Where it is.") == len(names)
 
 
 def test_sets_of_less_than_a_hundredth_are_summed():
-    pixels = {(0,): 500, (1,): 10, (2,): 9, (): 481}
-    assert shown_sets(pixels) == [(0,), (1,)]
-    assert shown_sets({(n,): 1 for n in range(200)}) == [(0,)]
+    def sums(pixels):
+        return {members: SetSum(count, *np.zeros((3, 1))) for members, count in pixels.items()}
+
+    assert shown_sets(sums({(0,): 500, (1,): 10, (2,): 9, (): 481})) == [(0,), (1,)]
+    assert shown_sets(sums({(n,): 1 for n in range(200)})) == [(0,)]
 
 
 def test_other_programs_open_the_sets_as_classes(made, by_family):
@@ -192,7 +189,7 @@ def test_other_programs_open_the_sets_as_classes(made, by_family):
     assert ((classes == 0) == ~mapped).all()
     none = mapped & (dataset["explained"].values == 0)
     assert ((classes == names.index("none of these paints")) == none).all()
-    first = shown(sets)[0]
+    first = shown_sets(sets)[0]
     assert (classes == 1).sum() == sets[first].pixels
     assert names[1] == " + ".join(str(dataset["paint"].values[n]) for n in first)
 

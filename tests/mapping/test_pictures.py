@@ -63,15 +63,15 @@ def test_every_pixel_is_counted_once(scene, dataset, look):
         Status.MASKED: 3 * 128,
         Status.SATURATED: 24,
     }
-    assert sum(look.sets.values()) == look.mapped == sum(look.ways.values())
-    assert look.sets[()] == np.sum(mapped & truth["foreign"])
-    assert look.explained == look.mapped - look.sets[()]
+    assert sum(sums.pixels for sums in look.sets.values()) == look.mapped == sum(look.ways.values())
+    assert look.sets[()].pixels == np.sum(mapped & truth["foreign"])
+    assert look.explained == look.mapped - look.sets[()].pixels
     assert look.ways[Way.SEARCHED] == np.sum(dataset["way"].values[mapped] == Way.SEARCHED)
     for members in look.ranked:
         wanted = np.array([*members, -1, -1][:3])
         there = mapped & (truth["members"] == wanted).all(axis=-1)
-        assert look.sets[members] == there.sum()
-    areas = [look.sets[members] for members in look.ranked]
+        assert look.sets[members].pixels == there.sum()
+    areas = [look.sets[members].pixels for members in look.ranked]
     assert areas == sorted(areas, reverse=True)
     for paint in range(len(scene.paints)):
         count = np.sum(mapped & ~truth["foreign"] & (truth["members"] == paint).any(axis=-1))
@@ -88,7 +88,7 @@ def test_paints_in_another_order_are_the_same_set(made, look):
         values[::2] = values[::2, :, ::-1]
     again = overview(turned, *counts)
     for members in look.ranked:
-        assert look.where(members).sum() == look.sets[members]
+        assert look.where(members).sum() == look.sets[members].pixels
         assert_array_equal(again.where(members), look.where(members))
     assert_array_equal(again.examples["fraction"], look.examples["fraction"])
     assert_array_equal(again.paint_amount, look.paint_amount)

@@ -51,7 +51,7 @@ def describe_sets(
         computed from the nearest exemplars, or None where no film of the set was kept.
     """
     names = paint_names(paint_map)
-    reported = shown_sets({members: sums.pixels for members, sums in sets.items()})
+    reported = shown_sets(sets)
     if not reported:
         return {}
     means = np.stack([sets[members].mean for members in reported])

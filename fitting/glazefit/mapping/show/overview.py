@@ -48,8 +48,8 @@ class Overview:
         paints: their names, by number.
         status: pixels of each status.
         ways: pixels answered in each way.
-        sets: pixels of each set, by its members ascending; () where nothing in the catalogue
-            explains them.
+        sets: sums over the pixels of each set, by its members ascending; () where nothing in the
+            catalogue explains them.
         means: by name, (rows, columns), means over the mapped pixels of each square; NaN where
             there are none.
         paint_probability, paint_amount, paint_share: (rows, columns, paints), coarser means; amount
@@ -65,7 +65,7 @@ class Overview:
     paints: tuple[str, ...]
     status: dict[Status, int]
     ways: dict[Way, int]
-    sets: dict[Members, int]
+    sets: SetSums
     means: dict[str, Float[np.ndarray, "rows columns"]]
     paint_probability: Float[np.ndarray, "r c paints"]
     paint_amount: Float[np.ndarray, "r c paints"]
@@ -83,14 +83,14 @@ class Overview:
     @property
     def explained(self) -> int:
         """Pixels that a set of the catalogue explains."""
-        return sum(count for members, count in self.sets.items() if members)
+        return sum(sums.pixels for members, sums in self.sets.items() if members)
 
     @cached_property
     def in_set(self) -> Int[np.ndarray, "paints"]:
         """Of each paint, pixels whose most probable set has it."""
         counts = np.zeros(len(self.paints), int)
-        for members, pixels in self.sets.items():
-            counts[list(members)] += pixels
+        for members, sums in self.sets.items():
+            counts[list(members)] += sums.pixels
         return counts
 
     @cached_property
@@ -146,16 +146,16 @@ def pixels_with(
     return mapped & explained & (pixels["members"] == np.array(padded)).all(axis=-1)
 
 
-def ranked_sets(pixels: Mapping[Members, int]) -> list[Members]:
+def ranked_sets(sets: SetSums) -> list[Members]:
     """Sets by their pixels, largest first, without the one that is none."""
-    return sorted((members for members in pixels if members), key=lambda m: (-pixels[m], m))
+    return sorted((members for members in sets if members), key=lambda m: (-sets[m].pixels, m))
 
 
-def shown_sets(pixels: Mapping[Members, int]) -> list[Members]:
+def shown_sets(sets: SetSums) -> list[Members]:
     """The largest of these, as far as each has `LEAST` of all pixels; the first one in any case."""
-    least = LEAST * sum(pixels.values())
-    ranked = ranked_sets(pixels)[:MOST_SETS]
-    return [members for n, members in enumerate(ranked) if not n or pixels[members] >= least]
+    least = LEAST * sum(sums.pixels for sums in sets.values())
+    ranked = ranked_sets(sets)[:MOST_SETS]
+    return [members for n, members in enumerate(ranked) if not n or sets[members].pixels >= least]
 
 
 def overview(
@@ -205,7 +205,7 @@ def overview(
         paints=paints,
         status=status_counts(tallies, height * width),
         ways={way: count for way, count in ways.items() if count},
-        sets={members: sums.pixels for members, sums in sets.items()},
+        sets=sets,
         means={name: pictures[f"mean_{name}"] for name in _MEANS},
         paint_probability=pictures["paint_probability"],
         paint_amount=pictures["paint_amount"],

@@ -145,7 +145,7 @@ def write_report(
         legend=legend_map(look),
         marks=legend_places(look),
         false_colour=false,
-        sets=list(set_rows(look, sets, grid, facts)),
+        sets=list(set_rows(look, grid, facts)),
         families=families,
         classes=CLASSES,
         others=OTHERS,

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...page.plot import PlotAxes
 from ...page.words import typeset
-from ..store.chunk import Bands, Members, SetSum, SetSums, rms_difference
+from ..store.chunk import Bands, Members, SetSum, rms_difference
 from .overview import Overview
 
 
@@ -21,7 +21,6 @@ def share_words(count: float, of: float) -> str:
 
 def set_rows(
     look: Overview,
-    sums: SetSums,
     grid: Bands,
     facts: Mapping[Members, Mapping[str, Any]] | None,
 ) -> Iterator[dict[str, Any]]:
@@ -29,12 +28,12 @@ def set_rows(
 
     Args:
         look: the map.
-        sums: sums over the pixels of each set.
         grid: of their spectra, nm.
         facts: of each set of a map by family, by `describe_sets`: the film of its nearest exemplars
             takes the place of the fit, and no amounts are stated.
     """
     for n, members in enumerate(look.shown):
+        sums = look.sets[members]
         about = (facts or {}).get(members, {})
         film = about.get("film")
         area = look.where(members)
@@ -49,11 +48,11 @@ def set_rows(
             else _spreads(look, members),
             "pigments": about.get("pigments", ()),
             "exemplars": film["paints"] if film else (),
-            "pixels": look.sets[members],
+            "pixels": sums.pixels,
             "probability": float(chances.mean()) if chances.size else None,
-            "thickness": sums[members].thickness_um,
+            "thickness": sums.thickness_um,
             "spectrum": small_spectrum(
-                sums[members], grid, np.array(film["fitted"][0], float) if film else None
+                sums, grid, np.array(film["fitted"][0], float) if film else None
             ),
         }
 

@@ -302,13 +302,17 @@ def _write_legend(look: Overview, path: Path) -> None:
 
     # Each set with its colour in the legend and its own.
     rows = [
-        (f"{n}  {look.words(members)}", (patch(fc=colour), patch(fc=mixed)), look.sets[members])
+        (
+            f"{n}  {look.words(members)}",
+            (patch(fc=colour), patch(fc=mixed)),
+            look.sets[members].pixels,
+        )
         for n, (members, colour, mixed) in enumerate(
             zip(look.shown, look.legend_colours, look.own_colours, strict=True), start=1
         )
     ]
-    remaining = sum(look.sets[members] for members in look.ranked[len(look.shown) :])
-    none = look.sets.get((), 0)
+    remaining = sum(look.sets[members].pixels for members in look.ranked[len(look.shown) :])
+    none = look.sets[()].pixels if () in look.sets else 0
     rows += [("further sets", (patch(fc=OTHERS),), remaining)] if remaining else []
     rows += [(look.words(()), (patch(fc=STRIPES[1], hatch="/////"),), none)] if none else []
     title = "Most probable set of paints"

@@ -54,7 +54,7 @@ def report_map(
     # Of families no thickness is known anywhere.
     thick = any(sums.pixels_with_thickness for sums in sets.values())
     table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
-    reported = {(), *shown_sets({members: sums.pixels for members, sums in sets.items()})}
+    reported = {(), *shown_sets(sets)}
     for members, sums in by_area(sets):
         if members not in reported:
             continue
