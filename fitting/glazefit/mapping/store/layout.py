@@ -61,42 +61,38 @@ PLACES = 3
 """Paints a set can have."""
 
 VARIABLES = (
-    Variable(name="status", meaning="what became of the pixel", dtype="uint8", fill=0),
-    Variable(name="way", meaning="how its answer was found", dtype="uint8", fill=0),
+    Variable("status", "what became of the pixel", dtype="uint8", fill=0),
+    Variable("way", "how its answer was found", dtype="uint8", fill=0),
     Variable(
-        name="members",
-        meaning="paints of the most probable set, by number; -1 for none",
+        "members",
+        "paints of the most probable set, by number; -1 for none",
         dtype="int16",
         fill=-1,
         further=("place",),
     ),
-    Variable(name="condition", meaning="how it lies if not as stated", dtype="int8", fill=0),
-    Variable(name="probability", meaning="probability of that set", unit="1"),
+    Variable("condition", "how it lies if not as stated", dtype="int8", fill=0),
+    Variable("probability", "probability of that set", unit="1"),
     Variable(
-        name="none",
-        meaning="probability that no paints of the catalogue explain the pixel",
+        "none",
+        "probability that no paints of the catalogue explain the pixel",
         unit="1",
     ),
+    Variable("explained", "1 where the catalogue explains the pixel", dtype="uint8", fill=0),
+    Variable("paint_probability", "probability of each paint", unit="1", further=("paint",)),
     Variable(
-        name="explained", meaning="1 where the catalogue explains the pixel", dtype="uint8", fill=0
-    ),
-    Variable(
-        name="paint_probability", meaning="probability of each paint", unit="1", further=("paint",)
-    ),
-    Variable(
-        name="fraction",
-        meaning="share by mass of each paint of the set",
+        "fraction",
+        "share by mass of each paint of the set",
         unit="1",
         further=("place",),
     ),
-    Variable(name="fraction_sd", meaning="its standard deviation", unit="1", further=("place",)),
-    Variable(name="thickness", meaning="thickness; NaN where the film hides its ground", unit="m"),
-    Variable(name="thickness_sd", meaning="its standard deviation", unit="m"),
-    Variable(name="misfit", meaning="how far off the best candidates are", unit="Delta E00"),
-    Variable(name="rmse", meaning="root mean square of measured less fitted reflectance", unit="1"),
+    Variable("fraction_sd", "its standard deviation", unit="1", further=("place",)),
+    Variable("thickness", "thickness; NaN where the film hides its ground", unit="m"),
+    Variable("thickness_sd", "its standard deviation", unit="m"),
+    Variable("misfit", "how far off the best candidates are", unit="Delta E00"),
+    Variable("rmse", "root mean square of measured less fitted reflectance", unit="1"),
     Variable(
-        name="true_colour",
-        meaning="sRGB under D65, 2 degrees",
+        "true_colour",
+        "sRGB under D65, 2 degrees",
         dtype="uint8",
         fill=0,
         further=("rgb",),
