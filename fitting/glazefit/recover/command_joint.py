@@ -62,12 +62,10 @@ def recover_together(
         fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     unit = gauge.typical if gauge is not None and not references else metres
-    fit_options = fit_options | {"unit": unit}
+    fit_options = fit_options | {"unit": unit, "pigments": references, "gauge": gauge}
     if knowledge.wet_film == "same":
         # Films that one bar drew are as thick to a tenth.
         fit_options["expectations"] = Expectations(thickness=0.1)
-    if references or gauge is not None:
-        fit_options |= {"pigments": references, "gauge": gauge}
     if knowledge.excluded is not None:
         fit_options["gloss"] = _measured_gloss(
             knowledge, fitted, fit_options["instrument"], console
