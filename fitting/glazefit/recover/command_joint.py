@@ -42,11 +42,11 @@ def recover_together(
         results: where they go.
     """
     from ..film.partial_films import average, crop, recipes_from_names
-    from .joint.entries import PaintFile
+    from .joint.entries import PaintFile, add_paints
     from .joint.joint import recover_jointly
     from .joint.problem import Expectations
 
-    out, metres, _, overwrite, console = results
+    out, metres, plots, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
     for short, long in _one_paint_twice(recipes):
         console.print(
@@ -88,10 +88,28 @@ def recover_together(
             lambda row, path: plot_joint_paint(recovery, row, path),
         )
         if check:
-            _leave_out(recovery, fitted, recipes, fit_options, results)
+            from glazejax.io import write_table
+
+            from .predict.crossvalidation import cross_validate
+            from .predict.left_out import left_out_table, plot_left_out, report_left_out
+
+            with progress.follow("leaving films out") as report:
+                left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)
+            for line in report_left_out(left_out):
+                console.print(line)
+            table = left_out_table(recovery, left_out)
+            write_table(out / "left_out.csv", *table, overwrite=overwrite)
+            if plots:
+                plot_left_out(recovery, left_out, out / "left_out.png")
     _say_scale(recovery, references, gauge, console)
     if file is not None:
-        _write_entries(recovery, file, results)
+        new = add_paints(recovery, file.path, overwrite=overwrite)
+        replaced = sorted(set(new) & set(file.paints))
+        remark = f" (replaced: {', '.join(replaced)})" if replaced else ""
+        console.print(
+            f"Added {', '.join(new)} to {file.path}{remark}, with {len(file.paints)} paints there "
+            "before."
+        )
     if not listed or knowledge.any:
         _print_next_films(recovery, knowledge.catalogue, console)
 
@@ -211,30 +229,6 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
 
 
-def _leave_out(
-    recovery: "JointRecovery",
-    films: "Films",
-    recipes: Mapping[str, Mapping[str, float]],
-    fit_options: dict[str, Any],
-    results: "Destination",
-) -> None:
-    from glazejax.io import write_table
-
-    from .predict.crossvalidation import cross_validate
-    from .predict.left_out import left_out_table, plot_left_out, report_left_out
-
-    out = results.out
-    assert out is not None
-    with progress.follow("leaving films out") as report:
-        left_out = cross_validate(recovery, films, recipes, progress=report, **fit_options)
-    for line in report_left_out(left_out):
-        results.console.print(line)
-    table = left_out_table(recovery, left_out)
-    write_table(out / "left_out.csv", *table, overwrite=results.overwrite)
-    if results.plots:
-        plot_left_out(recovery, left_out, out / "left_out.png")
-
-
 def _say_scale(
     recovery: "JointRecovery",
     references: "Mapping[str, Pigment]",
@@ -268,18 +262,6 @@ def _lengths(metres: Any) -> str:
     low = float(f"{metres.min():.2g}")
     high = float(f"{metres.max():.2g}")
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
-
-
-def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Destination") -> None:
-    from .joint.entries import add_paints
-
-    new = add_paints(recovery, file.path, overwrite=results.overwrite)
-    replaced = sorted(set(new) & set(file.paints))
-    remark = f" (replaced: {', '.join(replaced)})" if replaced else ""
-    results.console.print(
-        f"Added {', '.join(new)} to {file.path}{remark}, with {len(file.paints)} paints there "
-        "before."
-    )
 
 
 def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Console") -> None:
