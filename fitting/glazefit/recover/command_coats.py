@@ -73,9 +73,11 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
         console.print(line)
     console.print(f"In pigments.csv a coat is taken as {format_length(metres)}.")
     names = list(recovery.paints)
-    paints = [fit.pigment(name, metres) for name, fit in recovery.paints.items()]
     results.write(
-        [eqx.tree_at(lambda paint: paint.error_modes, paint, None) for paint in paints],
+        [
+            eqx.tree_at(lambda paint: paint.error_modes, fit.pigment(name, metres), None)
+            for name, fit in recovery.paints.items()
+        ],
         {
             "films.csv": (report.FILM_COLUMNS, report.coat_rows(recovery)),
             "next_coats.csv": (report.NEXT_COLUMNS, report.next_coat_rows(predictions)),

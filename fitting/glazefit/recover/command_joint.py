@@ -169,7 +169,7 @@ def known_paints(
     paints = list(
         dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
     )
-    in_file = dict(file.paints) if file is not None else {}
+    in_file = file.paints if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
     references = {p: in_file[p] for p in paints if p in in_file}
     chosen = ""
@@ -196,8 +196,8 @@ def _white(text: str, own_paints: "Mapping[str, Pigment]", name: str) -> "Pigmen
     """The white that is meant, under the name that it has in films."""
     from glazejax import catalogue
 
-    matches = options.find_paints([text], {**catalogue.load(name), **own_paints})
-    (paint,) = matches.values()
+    shelf = {**catalogue.load(name), **own_paints}
+    (paint,) = options.find_paints([text], shelf).values()
     return paint.renamed(paint.name.rpartition(":")[2])
 
 
