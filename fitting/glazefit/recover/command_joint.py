@@ -174,7 +174,11 @@ def known_paints(
     references = {p: in_file[p] for p in paints if p in in_file}
     chosen = ""
     if white:
-        paint = _white(white, in_file, catalogue)
+        from glazejax.catalogue import load
+
+        (paint,) = options.find_paints([white], {**load(catalogue), **in_file}).values()
+        # The name that it has in films.
+        paint = paint.renamed(paint.name.rpartition(":")[2])
         chosen = paint.name
         if chosen not in paints:
             raise ValueError(
@@ -190,15 +194,6 @@ def known_paints(
             "those again that have a film of their own (but --white)"
         )
     return references
-
-
-def _white(text: str, own_paints: "Mapping[str, Pigment]", name: str) -> "Pigment":
-    """The white that is meant, under the name that it has in films."""
-    from glazejax import catalogue
-
-    shelf = {**catalogue.load(name), **own_paints}
-    (paint,) = options.find_paints([text], shelf).values()
-    return paint.renamed(paint.name.rpartition(":")[2])
 
 
 _SPREAD = re.compile(r"(?P<length>[^±+]*?)\s*(?:±|\+/?-)\s*(?P<share>\d+(?:\.\d+)?)\s*%")
