@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from glazejax import Pigment
 
-    from ..film.films import Films, Instrument
+    from ..film.films import Films
     from .joint.constraints import Gauge
     from .joint.entries import PaintFile
     from .joint.result import JointRecovery
@@ -41,7 +41,8 @@ def recover_together(
         knowledge: own paints, white and thicknesses.
         results: where they go.
     """
-    from ..film.partial_films import average, crop, recipes_from_names
+    from ..film.gloss import measure_gloss
+    from ..film.partial_films import average, crop, read_loose_films, recipes_from_names
     from .joint.entries import PaintFile, add_paints
     from .joint.joint import recover_jointly
     from .joint.problem import Expectations
@@ -67,9 +68,22 @@ def recover_together(
         # Films that one bar drew are as thick to a tenth.
         fit_options["expectations"] = Expectations(thickness=0.1)
     if knowledge.excluded is not None:
-        fit_options["gloss"] = _measured_gloss(
-            knowledge, fitted, fit_options["instrument"], console
+        # Of the films that were read without the specular part too.
+        grid = fitted.wavelengths
+        excluded = crop(
+            average(read_loose_films(knowledge.excluded, specular=False, **knowledge.stated)),
+            grid[0],
+            grid[-1],
+            "as the films with the specular part",
         )
+        progress.print_notes(console, knowledge.excluded, excluded.notes)
+        gloss = measure_gloss(fitted, excluded, fit_options["instrument"])
+        values = sorted(gloss.values())
+        console.print(
+            f"Gloss, from readings with and without the specular part of {len(gloss)} of "
+            f"{len(fitted)} films: {values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
+        )
+        fit_options["gloss"] = gloss
     with progress.follow("compiling, then fitting all films together") as report:
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
@@ -124,32 +138,6 @@ def _one_paint_twice(recipes: Mapping[str, Mapping[str, float]]) -> list[tuple[s
         and long.casefold().startswith(short.casefold())
         and long[len(short) : len(short) + 1].islower()
     ]
-
-
-def _measured_gloss(
-    knowledge: "PriorKnowledge", films: "Films", instrument: "Instrument", console: "Console"
-) -> dict[str, float]:
-    """Gloss of the films that were read without the specular part too, said in a line."""
-    from ..film.gloss import measure_gloss
-    from ..film.partial_films import average, crop, read_loose_films
-
-    path = knowledge.excluded
-    assert path is not None
-    grid = films.wavelengths
-    excluded = crop(
-        average(read_loose_films(path, specular=False, **knowledge.stated)),
-        grid[0],
-        grid[-1],
-        "as the films with the specular part",
-    )
-    progress.print_notes(console, path, excluded.notes)
-    gloss = measure_gloss(films, excluded, instrument)
-    values = sorted(gloss.values())
-    console.print(
-        f"Gloss, from readings with and without the specular part of {len(gloss)} of {len(films)} "
-        f"films: {values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
-    )
-    return gloss
 
 
 def known_paints(
