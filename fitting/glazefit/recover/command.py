@@ -209,7 +209,7 @@ def recover(
 
     from ..film.films import Instrument, Noise
     from ..film.partial_films import tint
-    from ..film.readers import readable_names
+    from ..film.readers import NAMES_FILE, read_recipes, readable_names
 
     console = progress.plain_console()
     stated_noise = {
@@ -236,7 +236,9 @@ def recover(
         if are_coats(films, measured):
             recover_from_coats(films, fit_options, results)
             return
-        recipes, names_file = _recipes(file, names)
+        names_file = file.parent / NAMES_FILE
+        listed = names or (names_file if names_file.is_file() else None)
+        recipes = read_recipes(listed) if listed else {}
         if masstones:
             films = _masstones(films, recipes, names_file)
         tints = any(map(tint, films.names))
@@ -336,15 +338,6 @@ def _films(file: Path, samples: str, stated: "Stated", console: "Console") -> "F
         films = films.select(chosen)
     progress.print_notes(console, file, films.notes)
     return films
-
-
-def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]], Path]:
-    """Recipes of films as a list says, and the path where a list is looked for."""
-    from ..film.readers import NAMES_FILE, read_recipes
-
-    names_file = file.parent / NAMES_FILE
-    listed = names or (names_file if names_file.is_file() else None)
-    return read_recipes(listed) if listed else {}, names_file
 
 
 def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
