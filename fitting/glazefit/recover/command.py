@@ -223,10 +223,19 @@ def recover(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
     if simulate:
+        from glazejax.catalogue import load
+        from glazejax.paint.describe import format_length
+
+        from ..film.simulate import simulate_paints
+
         fit_options["noise"] = usual_noise
-        films = _simulate(
-            samples, metres, fit_options=fit_options, seed=seed, shelf=shelf, console=console
+        paints = options.choose_paints(load(shelf), samples)
+        console.print(
+            f"Simulated data: spectra of {len(paints)} catalogue paints, "
+            f"{format_length(metres)} thick, with made-up noise (seed {seed}). Nothing here was "
+            "measured."
         )
+        films = simulate_paints(paints, metres, seed=seed, **fit_options)
     else:
         assert file is not None
         films = _films(file, samples, stated, console)
@@ -351,28 +360,6 @@ def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file:
     if not pure:
         raise ValueError(f"--masstones: none of the {len(films)} films is listed as a single paint")
     return films.select(pure)
-
-
-def _simulate(
-    samples: str,
-    thickness: float,
-    fit_options: "dict[str, Any]",
-    seed: int,
-    shelf: str,
-    console: "Console",
-) -> "Films":
-    from glazejax import catalogue
-    from glazejax.paint.describe import format_length
-
-    from ..film.simulate import simulate_paints
-
-    paints = options.choose_paints(catalogue.load(shelf), samples)
-    console.print(
-        f"Simulated data: spectra of {len(paints)} catalogue paints, "
-        f"{format_length(thickness)} thick, "
-        f"with made-up noise (seed {seed}). Nothing here was measured."
-    )
-    return simulate_paints(paints, thickness, seed=seed, **fit_options)
 
 
 def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
