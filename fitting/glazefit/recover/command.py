@@ -15,8 +15,6 @@ from .settings import Destination, PriorKnowledge
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from glazejax.io.quantity import Stated
-
     from ..film.films import Films, Noise
     from .films.result import Recovery
 
@@ -208,7 +206,7 @@ def recover(
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
     from ..film.films import Instrument, Noise
-    from ..film.partial_films import tint
+    from ..film.partial_films import read_loose_films, tint
     from ..film.readers import NAMES_FILE, read_recipes, readable_names
 
     console = progress.plain_console()
@@ -238,7 +236,10 @@ def recover(
         films = simulate_paints(paints, metres, seed=seed, **fit_options)
     else:
         assert file is not None
-        films = _films(file, samples, stated, console)
+        films = read_loose_films(file, **stated)
+        if chosen := options.split_names(samples):
+            films = films.select(chosen)
+        progress.print_notes(console, file, films.notes)
         fit_options["noise"] = usual_noise if stated_noise else _noise(films, console)
         from .command_coats import are_coats, recover_from_coats
 
@@ -336,17 +337,6 @@ def _noise(films: "Films", console: "Console") -> "Noise":
             f"{noise.share:.2g} R (--noise, --noise-share)"
         )
     return noise
-
-
-def _films(file: Path, samples: str, stated: "Stated", console: "Console") -> "Films":
-    """The films of a file, or those of --samples."""
-    from ..film.partial_films import read_loose_films
-
-    films = read_loose_films(file, **stated)
-    if chosen := options.split_names(samples):
-        films = films.select(chosen)
-    progress.print_notes(console, file, films.notes)
-    return films
 
 
 def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
