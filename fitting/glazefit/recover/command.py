@@ -15,7 +15,7 @@ from .settings import Destination, PriorKnowledge
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..film.films import Films, Noise
+    from ..film.films import Films
     from .films.result import Recovery
 
 _GEOMETRY = "d:8"
@@ -206,6 +206,7 @@ def recover(
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
     from ..film.films import Instrument, Noise
+    from ..film.noise import estimate_noise
     from ..film.partial_films import read_loose_films, tint
     from ..film.readers import NAMES_FILE, read_recipes, readable_names
 
@@ -240,7 +241,14 @@ def recover(
         if chosen := options.split_names(samples):
             films = films.select(chosen)
         progress.print_notes(console, file, films.notes)
-        fit_options["noise"] = usual_noise if stated_noise else _noise(films, console)
+        # As rough as the spectra are; said where it is more than usual.
+        rough = usual_noise if stated_noise else estimate_noise(films)
+        if rough != usual_noise:
+            console.print(
+                f"Noise of a reading R, estimated from how rough the spectra are: "
+                f"{rough.floor:.2g} + {rough.share:.2g} R (--noise, --noise-share)"
+            )
+        fit_options["noise"] = rough
         from .command_coats import are_coats, recover_from_coats
 
         if are_coats(films, measured):
@@ -323,20 +331,6 @@ def _catalogue(name: str | None, used: bool) -> str:
             "--white NAME or --simulate, or leave it out"
         )
     return name
-
-
-def _noise(films: "Films", console: "Console") -> "Noise":
-    """Noise of the readings, as rough as they are; said where it is more than usual."""
-    from ..film.films import Noise
-    from ..film.noise import estimate_noise
-
-    noise = estimate_noise(films)
-    if noise != Noise():
-        console.print(
-            f"Noise of a reading R, estimated from how rough the spectra are: {noise.floor:.2g} + "
-            f"{noise.share:.2g} R (--noise, --noise-share)"
-        )
-    return noise
 
 
 def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
