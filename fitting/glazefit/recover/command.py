@@ -15,7 +15,6 @@ from .settings import Destination, PriorKnowledge
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..film.films import Films
     from .films.result import Recovery
 
 _GEOMETRY = "d:8"
@@ -208,7 +207,7 @@ def recover(
     from ..film.films import Instrument, Noise
     from ..film.noise import estimate_noise
     from ..film.partial_films import read_loose_films, tint
-    from ..film.readers import NAMES_FILE, read_recipes, readable_names
+    from ..film.readers import NAMES_FILE, is_masstone, read_recipes, readable_names
 
     console = progress.plain_console()
     stated_noise = {
@@ -258,7 +257,17 @@ def recover(
         listed = names or (names_file if names_file.is_file() else None)
         recipes = read_recipes(listed) if listed else {}
         if masstones:
-            films = _masstones(films, recipes, names_file)
+            if not recipes:
+                raise ValueError(
+                    "--masstones needs to know what the films are made of: add --names, or "
+                    f"{names_file}"
+                )
+            pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
+            if not pure:
+                raise ValueError(
+                    f"--masstones: none of the {len(films)} films is listed as a single paint"
+                )
+            films = films.select(pure)
         tints = any(map(tint, films.names))
         if joint or knowledge.any or not films.complete or tints:
             if joint and not recipes and not tints:
@@ -331,19 +340,6 @@ def _catalogue(name: str | None, used: bool) -> str:
             "--white NAME or --simulate, or leave it out"
         )
     return name
-
-
-def _masstones(films: "Films", recipes: dict[str, dict[str, float]], names_file: Path) -> "Films":
-    from ..film.readers import is_masstone
-
-    if not recipes:
-        raise ValueError(
-            f"--masstones needs to know what the films are made of: add --names, or {names_file}"
-        )
-    pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
-    if not pure:
-        raise ValueError(f"--masstones: none of the {len(films)} films is listed as a single paint")
-    return films.select(pure)
 
 
 def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
