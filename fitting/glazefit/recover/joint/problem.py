@@ -141,21 +141,21 @@ class JointResiduals(NamedTuple):
     others: Float[Array, "others"]
 
 
-def totals(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
-    """Logs of coefficients and of thicknesses as they are, with what the others add."""
+def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unknowns:
+    """Logs of coefficients and of thicknesses as they are, with what the others add, or less
+    that.
+    """
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
+    coefficients = jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes)
     return unknowns._replace(
-        bands=unknowns.bands + jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes),
-        films=jnp.asarray(unknowns.films).at[:, 0].add(thickness),
+        bands=unknowns.bands + sign * coefficients,
+        films=jnp.asarray(unknowns.films).at[:, 0].add(sign * thickness),
     )
 
 
 def deviations(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
     """The opposite of `totals`."""
-    nothing = jax.tree.map(jnp.zeros_like, unknowns)._replace(others=unknowns.others)
-    return jax.tree.map(jnp.subtract, unknowns, totals(nothing, problem))._replace(
-        others=unknowns.others
-    )
+    return totals(unknowns, problem, -1.0)
 
 
 def optical_thickness(
