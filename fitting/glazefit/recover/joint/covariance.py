@@ -107,11 +107,10 @@ class JointCovariance(NamedTuple):
         """
         slopes, across = self.regress(known)
         scale = size.reshape(-1, 1)
-        beside = np.zeros((len(self.modes), 1))
 
         def times(basis: Float[np.ndarray, "numbers columns"]) -> np.ndarray:
             scaled = basis * scale
-            wide = np.concatenate([scaled, np.repeat(beside, basis.shape[1], axis=1)])
+            wide = np.pad(scaled, ((0, len(self.modes)), (0, 0)))
             return (self.times(wide)[: len(basis)] - slopes.T @ (across @ scaled)) * scale
 
         # With so many vectors more than are wanted, and the covariance applied so often, the last
