@@ -83,16 +83,14 @@ def _per_cent(log_sd: float) -> str:
     return f"{log_sd:.0%}" if log_sd < 1 else f"factor {np.exp(log_sd):.1f}"
 
 
-def find_suspect_weights(recovery: JointRecovery) -> list[tuple[int, str, float]]:
+def find_suspect_weights(recovery: JointRecovery) -> Iterator[tuple[int, str, float]]:
     """Films whose weights the fit wants changed much: film, paint, and by what factor."""
-    suspects = []
     for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
         order = np.argsort(-recovery.shares[film])
         for index, error in enumerate(errors):
             # So much is worth a second look at the recipe.
             if abs(error) > 0.3:
-                suspects.append((film, recovery.paints[order[1 + index]], float(np.exp(error))))
-    return suspects
+                yield film, recovery.paints[order[1 + index]], float(np.exp(error))
 
 
 def film_table(recovery: JointRecovery) -> Table:
