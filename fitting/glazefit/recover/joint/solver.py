@@ -107,16 +107,20 @@ def normal_matrix(
         lambda step: along(zero._replace(paints=step[:paints], others=step[paints:]))
     )(jnp.eye(paints + zero.others.size))
     # Rows of readings: (local, bands, films, 2) and so on.
-    inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data)
-    inner = inner + jnp.einsum("ibl,jbl->bij", by_band.pull, by_band.pull)
+    inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data) + jnp.einsum(
+        "ibl,jbl->bij", by_band.pull, by_band.pull
+    )
     to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data)
     to_rest = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_rest.data)
-    film_blocks = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
-    film_blocks = film_blocks + jnp.einsum("dfl,efl->fde", by_film.films, by_film.films)
+    film_blocks = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data) + jnp.einsum(
+        "dfl,efl->fde", by_film.films, by_film.films
+    )
     between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_rest.data).reshape(films * per_film, -1)
-    shared_block = jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
-    shared_block = shared_block + by_rest.paints @ by_rest.paints.T
-    shared_block = shared_block + by_rest.others @ by_rest.others.T
+    shared_block = (
+        jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
+        + by_rest.paints @ by_rest.paints.T
+        + by_rest.others @ by_rest.others.T
+    )
     # Of curvature, whose rows reach over three bands, and of steps. What would tie the last bands
     # to further ones is not read.
     curved = [
