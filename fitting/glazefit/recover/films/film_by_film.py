@@ -14,7 +14,7 @@ Where a film is opaque only k/s is known. There s d is drawn to its neighbours
 
 import functools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float
 from glazejax.geometry import resolve_instrument
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import inverse_positive
+from glazejax.spectra import Bands
 
 from ...film.errors import ScaledReadings
 from ...film.films import CardReadings, Films, Instrument, InstrumentLike, Noise, card_readings
@@ -31,24 +32,26 @@ from ...film.forward import HIGHEST, Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
 from ...film.noise import estimate_noise
 from ...film.numerics.least_squares import levenberg_marquardt
-from .result import FilmSpectra, PerFilm, Recovery, told_apart
+from .result import FilmFlags, FilmSpectra, PerFilm, Recovery, told_apart
 
 CHUNK = 8
 """Films a chunk."""
+PerBand: TypeAlias = Float[Array | np.ndarray, "*bands"]
+"""A number a band, of one band or several."""
 
 
 class ScatteringPrior(NamedTuple):
     """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
-    mean: Float[Array | np.ndarray, "*bands"]
-    weight: Float[Array | np.ndarray, "*bands"]
+    mean: PerBand
+    weight: PerBand
 
 
 class BandStart(NamedTuple):
     """Start of the fit of one band."""
 
     logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
-    least_scattering: Float[Array, "*bands"]  # smallest log(s d) that the data allow
+    least_scattering: PerBand  # smallest log(s d) that the data allow
 
 
 class Estimate(NamedTuple):
@@ -57,10 +60,10 @@ class Estimate(NamedTuple):
     optical: Float[Array, "*bands 2"]  # k d and s d
     covariance: Float[Array, "*bands 2 2"]
     fitted: Float[Array, "*bands 2"]  # without the surface's part
-    misfit: Float[Array, "*bands"]  # sum of squared residuals, in standard deviations
+    misfit: PerBand  # sum of squared residuals, in standard deviations
     converged: Bool[Array, "*bands"]
     ambiguous: Bool[Array, "*bands"]  # the other start led to another solution as good
-    least_scattering: Float[Array, "*bands"]
+    least_scattering: PerBand
 
 
 def starts(
@@ -272,9 +275,9 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
 
 
 def neighbours_scattering(
-    wavelengths: Float[np.ndarray, "bands"],
+    wavelengths: Bands,
     log_scattering: FilmSpectra,
-    identifiable: Bool[np.ndarray, "films bands"],
+    identifiable: FilmFlags,
     least: FilmSpectra,
 ) -> tuple[FilmSpectra, FilmSpectra]:
     """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them

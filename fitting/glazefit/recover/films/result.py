@@ -19,6 +19,12 @@ PerFilm: TypeAlias = Float[np.ndarray, "films"]
 """A number a film."""
 FilmSpectra: TypeAlias = Float[np.ndarray, "films bands"]
 """A number a film and band."""
+FilmFlags: TypeAlias = Bool[np.ndarray, "films bands"]
+"""Whether something holds of a film at a band."""
+PerReading: TypeAlias = Float[np.ndarray, "films 2"]
+"""A number a film over black and over white."""
+ReadingSpectra: TypeAlias = Float[np.ndarray, "films 2 bands"]
+"""A number a film over black and over white, and band."""
 _IN_TABLES = (
     "absorption",
     "absorption_sd",
@@ -70,12 +76,12 @@ class FittedFilms:
     fitted_white: FilmSpectra
 
     @property
-    def _fitted(self) -> Float[np.ndarray, "films 2 bands"]:
+    def _fitted(self) -> ReadingSpectra:
         """Over black and over white."""
         return np.stack([self.fitted_black, self.fitted_white], axis=1)
 
     @property
-    def residual(self) -> Float[np.ndarray, "films 2 bands"]:
+    def residual(self) -> ReadingSpectra:
         """Fitted minus measured reflectance, over black and over white."""
         return self.films.where_seen(self._fitted - self.films.over_cards)
 
@@ -84,7 +90,7 @@ class FittedFilms:
         """Root mean square of measured minus fitted reflectance, both cards together."""
         return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
 
-    def _delta_e(self, illuminant: str, observer: str | int) -> Float[np.ndarray, "films 2"]:
+    def _delta_e(self, illuminant: str, observer: str | int) -> PerReading:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         films = self.films
         return films.where_seen(
@@ -119,13 +125,13 @@ class Recovery(FittedFilms, Tabulated):
     absorption: FilmSpectra
     scattering: FilmSpectra
     covariance: Float[np.ndarray, "films bands 2 2"]
-    identifiable: Bool[np.ndarray, "films bands"]
+    identifiable: FilmFlags
     gloss: PerFilm
     fitted_black: FilmSpectra
     fitted_white: FilmSpectra
     misfit: FilmSpectra
-    converged: Bool[np.ndarray, "films bands"]
-    ambiguous: Bool[np.ndarray, "films bands"]
+    converged: FilmFlags
+    ambiguous: FilmFlags
 
     def __len__(self) -> int:
         return len(self.films)

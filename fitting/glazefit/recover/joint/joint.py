@@ -26,6 +26,7 @@ from .constraints import Constraints, Gauge, gather_constraints
 from .covariance import JointCovariance
 from .problem import (
     Expectations,
+    FilmShares,
     JointProblem,
     Unknowns,
     curvature_matrix,
@@ -182,7 +183,7 @@ def recover_jointly(
 
 def pose(
     films: Films,
-    shares: Float[np.ndarray, "films paints"],
+    shares: FilmShares,
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,

@@ -18,16 +18,21 @@ thicknesses, and a factor of each reading. They are added to the bands' and the 
 unknowns, which are then deviations; `totals` adds them up.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from glazejax.spectra import Bands
+
 from ...film.films import Noise
 from ...film.model.response import Response, hiding_factor
 from ...film.numerics.least_squares import root_of_log1p
+
+FilmShares: TypeAlias = Float[np.ndarray, "films paints"]
+"""Shares of the paints in each film."""
 
 
 class Expectations(NamedTuple):
@@ -223,7 +228,7 @@ def model_deviation(
     return np.hypot(noise.sd(measured), expected.model_sd(measured))
 
 
-def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "inner bands"]:
+def curvature_matrix(wavelengths: Bands) -> Float[np.ndarray, "inner bands"]:
     """Second divided differences times (10 nm)^2, each weighted by the root of its share of 10 nm.
 
     So the sum of squares is the same integral over the wavelengths on any grid.
@@ -235,7 +240,7 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
 
 def nearly_black(
     readings: Float[np.ndarray, "films cards bands"],
-    shares: Float[np.ndarray, "films paints"],
+    shares: FilmShares,
     surface: float,
 ) -> Bool[np.ndarray, "bands paints"]:
     """True where the film with most of a paint, if it is the larger part, reflects hardly more than
@@ -247,7 +252,7 @@ def nearly_black(
 
 
 def minor_parts(
-    shares: Float[np.ndarray, "films paints"],
+    shares: FilmShares,
 ) -> Float[np.ndarray, "films parts paints"]:
     """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.

@@ -8,14 +8,22 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
+from glazejax.spectra import Bands
 
 from ...film.films import Films, Instrument, Noise
 from ...film.model.mixing import MixingLaw
 from ...film.model.variation import thickness_variance
-from ..films.result import RELATIVE_LIMIT, FilmSpectra, FittedFilms, PerFilm
+from ..films.result import (
+    RELATIVE_LIMIT,
+    FilmSpectra,
+    FittedFilms,
+    PerFilm,
+    PerReading,
+    ReadingSpectra,
+)
 from .constraints import MOST_ERROR, PaintModes
 from .covariance import JointCovariance
-from .problem import Expectations, JointProblem, Unknowns
+from .problem import Expectations, FilmShares, JointProblem, Unknowns
 
 RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
@@ -63,14 +71,14 @@ class JointRecovery(FittedFilms):
 
     films: Films
     paints: tuple[str, ...]
-    shares: Float[np.ndarray, "films paints"]
+    shares: FilmShares
     law: MixingLaw
     unknowns: Unknowns
     log_covariance: Float[np.ndarray, "bands coefficients coefficients"]
     draws: Unknowns
     fitted_black: FilmSpectra
     fitted_white: FilmSpectra
-    residual_sd: Float[np.ndarray, "films 2 bands"]
+    residual_sd: ReadingSpectra
     expectations: Expectations
     instrument: Instrument
     steps: int
@@ -95,7 +103,7 @@ class JointRecovery(FittedFilms):
         return tuple(self.known_paints)
 
     @property
-    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+    def wavelengths(self) -> Bands:
         """Wavelengths in nm, (bands,)."""
         return self.films.wavelengths
 
@@ -178,9 +186,7 @@ class JointRecovery(FittedFilms):
         expected = np.where(np.isnan(measured), self.shares @ self.unknowns.paints, measured)
         return np.exp(expected + self.unknowns.films[:, 1])
 
-    def delta_e(
-        self, illuminant: str = "D65", observer: str | int = 10
-    ) -> Float[np.ndarray, "films 2"]:
+    def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> PerReading:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         return self._delta_e(illuminant, observer)
 

@@ -11,14 +11,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax.io.spectra_table import list_names
 from glazejax.progress import Progress, no_progress
 
 from ...film.films import Films
 from ...film.model.variation import Variation, learn
-from ..films.result import PerFilm
+from ..films.result import PerFilm, PerReading, ReadingSpectra
 from ..joint.joint import recover_jointly
 from ..joint.result import JointRecovery
 from .prediction import Prediction, predict_films
@@ -39,8 +38,8 @@ class LeftOut:
     """
 
     predictions: tuple[Prediction, ...]
-    fitted: Float[np.ndarray, "films 2"]
-    measured: Float[np.ndarray, "films 2 bands"]
+    fitted: PerReading
+    measured: ReadingSpectra
     variation: Variation
     complete: bool
 
@@ -53,7 +52,7 @@ class LeftOut:
         return tuple(prediction.name for prediction in self.predictions)
 
     @cached_property
-    def predicted(self) -> Float[np.ndarray, "films 2"]:
+    def predicted(self) -> PerReading:
         """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
         return np.array(
             [

@@ -31,7 +31,7 @@ from ...film.films import InstrumentLike, card_readings, usual_cards
 from ...film.model.response import Response, film_response, hiding_factor
 from ..joint.constraints import error_modes
 from ..joint.joint import UNIT
-from ..joint.problem import model_deviation
+from ..joint.problem import FilmShares, model_deviation
 from ..joint.result import JointRecovery
 from .mixture import drawn_mixture
 from .reading_errors import film_readings
@@ -188,7 +188,7 @@ class _PlannedFilms(NamedTuple):
     """Films that are easily made and were not."""
 
     names: list[str]
-    shares: Float[np.ndarray, "films paints"]
+    shares: FilmShares
     thickness: Float[np.ndarray, "films"]  # log
 
 
