@@ -308,7 +308,7 @@ def _plain(recipe: Recipe) -> dict:
         "delta_e_2000": dict(recipe.delta_e),
         "delta_e_2000_unrounded": recipe.unrounded,
         "delta_e_between_mixings": recipe.between_mixings,
-        "lab": {name: [float(value) for value in values] for name, values in recipe.lab.items()},
+        "lab": {name: values.tolist() for name, values in recipe.lab.items()},
         "metamerism": recipe.metamerism,
         "test_illuminant": recipe.test_illuminant,
         "rmse": recipe.rmse,
