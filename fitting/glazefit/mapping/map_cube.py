@@ -35,7 +35,7 @@ from .solve.survey import Features, survey
 from .solve.task import MapTask, map_task
 from .solve.unexplained import choose_spots
 from .solve.working_bands import classify
-from .store.chunk import ChunkMaps
+from .store.chunk import ChunkMaps, PixelReadings
 from .store.layout import STATUS_WORDS, Status
 from .store.run import AT_ONCE, client_in_scope, finish
 from .store.store import MapStore, check_map, open_map
@@ -214,7 +214,7 @@ class _Surveyed:
     directions: Float[np.ndarray, "directions bands"]
     readings: Float[np.ndarray, "representatives bands"]
     reach: np.ndarray
-    checked: Float[np.ndarray, "pixels bands"]
+    checked: PixelReadings
 
 
 def solve_windows(
@@ -278,7 +278,7 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
 
 def _sample(
     task: MapTask, progress: Progress
-) -> tuple[Float[np.ndarray, "pixels bands"], Int[np.ndarray, "ends"], Noise]:
+) -> tuple[PixelReadings, Int[np.ndarray, "ends"], Noise]:
     """Readings of pixels from all over the image that the mask leaves, line by line, where a line
     but the first begins, and the noise of one reading.
     """

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from ...film.films import Noise
+from ..store.chunk import PixelReadings
 from ..store.windows import Window
 from .working_bands import BandReadings, WorkingBands, classify
 
@@ -44,7 +45,7 @@ class Image:
 
         return _open(self.source) if isinstance(self.source, CubeSource) else self.source
 
-    def read(self, window: Window) -> tuple[Float[np.ndarray, "pixels bands"], np.ndarray]:
+    def read(self, window: Window) -> tuple[PixelReadings, np.ndarray]:
         """Readings at the working bands, and what can be done with each pixel, row by row."""
         cube = self.cube()
         readings = []

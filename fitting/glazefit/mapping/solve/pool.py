@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from ..store.chunk import PixelReadings
 from .survey import Features
 
 AROUND = [(y, x) for y in range(3) for x in range(-2, 3) if (y, x) > (0, 0)]
@@ -24,12 +25,12 @@ _TIMES = 2.0
 
 
 def pooled(
-    readings: Float[np.ndarray, "pixels bands"],
-    sd: Float[np.ndarray, "pixels bands"],
+    readings: PixelReadings,
+    sd: PixelReadings,
     features: Features,
     shape: tuple[int, int],
     steps: Sequence[tuple[int, int]],
-) -> tuple[Float[np.ndarray, "pixels bands"], Float[np.ndarray, "pixels"]]:
+) -> tuple[PixelReadings, Float[np.ndarray, "pixels"]]:
     """Means over each pixel and its neighbours that are equal within noise.
 
     Args:

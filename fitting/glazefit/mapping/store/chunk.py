@@ -14,6 +14,8 @@ from ...film.numerics.columns import Columns
 
 Bands: TypeAlias = Float[np.ndarray, "bands"]
 """A number a band; `glazejax.spectra`, which has it too, loads JAX."""
+PixelReadings: TypeAlias = Float[np.ndarray, "pixels bands"]
+"""Readings of pixels at the working bands."""
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
 
@@ -135,7 +137,7 @@ def rms_difference(
         return np.asarray(np.sqrt(square.sum(axis=-1) / finite.sum(axis=-1)))
 
 
-def true_colour(wavelengths: Bands, readings: Float[np.ndarray, "pixels bands"]) -> np.ndarray:
+def true_colour(wavelengths: Bands, readings: PixelReadings) -> np.ndarray:
     """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
     from glazejax.colour import srgb
 
