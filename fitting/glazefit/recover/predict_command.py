@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from ..film.films import Films
     from .joint.result import JointRecovery
-    from .predict.next_reading import NextFilms
     from .predict.prediction import Prediction
 
 _GEOMETRY = "d:8"
@@ -165,10 +164,17 @@ def predict(
     if calibrated is not None:
         from .predict.next_reading import rank_next_readings
 
-        _say_next(
-            rank_next_readings(calibrated, thicknesses, ground=ground, instrument=seen_with),
-            console,
-        )
+        further = rank_next_readings(calibrated, thicknesses, ground=ground, instrument=seen_with)
+        best = further.films[0]
+        # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
+        if further.now - best.expected < 0.2:
+            console.print("No further reading would improve this much.")
+        else:
+            console.print(
+                f"Most useful next reading: {best.film}. It would reduce the error of the films "
+                f"above that comes from this mixture from ΔE00 {further.now:.1f} to "
+                f"{best.expected:.1f}."
+            )
     if out is not None:
         console.print(f"Wrote {out}")
 
@@ -317,18 +323,6 @@ def _say_reading(
             "stated? What follows holds only if it is.",
             style="yellow",
         )
-
-
-def _say_next(further: "NextFilms", console: "Console") -> None:
-    best = further.films[0]
-    # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
-    if further.now - best.expected < 0.2:
-        console.print("No further reading would improve this much.")
-        return
-    console.print(
-        f"Most useful next reading: {best.film}. It would reduce the error of the films above that "
-        f"comes from this mixture from ΔE00 {further.now:.1f} to {best.expected:.1f}."
-    )
 
 
 def _print(
