@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from glazejax.geometry import Instrument
     from glazejax.io.quantity import Stated
 
-    from .addition import Addition
     from .targets import Target
 
 
@@ -49,9 +48,12 @@ def say_addition(
         eye: illuminant and observer.
         console: to print to.
     """
+    from glazejax.report import plain_table
+
     from ..recover.predict.mixture import calibrate_mixture
     from ..recover.predict_command import complete_grid, read_film, read_mixture
     from .addition import next_addition
+    from .report import in_painters_terms
 
     recipe, mixture_paints = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
@@ -76,14 +78,6 @@ def say_addition(
             illuminant=eye[0],
             observer=eye[1],
         )
-    _print(addition, reading, console)
-
-
-def _print(addition: "Addition", reading: Path, console: "Console") -> None:
-    from glazejax.report import plain_table
-
-    from .report import in_painters_terms
-
     table = plain_table("", "L*", "a*", "b*", "ΔE00 to the target", words=(0,))
     rows = [("as it came out", addition.lab_before, addition.before)]
     if addition.grams:
