@@ -208,23 +208,19 @@ def _print_warnings(
     """Sentences on targets out of reach, and on recipes whose least squares were stopped."""
     for recipe in recipes:
         if not recipe.in_gamut:
-            console.print(Text(out_of_reach(recipe), "yellow"))
+            why = (
+                "these paints reach no further"
+                if recipe.limit == "paints"
+                else f"{recipe.limit}: try other bounds"
+            )
+            distance = f"out of reach by a Delta E of {recipe.gamut_distance:.1f}"
+            console.print(Text(f"{recipe.target.name}: {distance}; {why}.", "yellow"))
     if unsettled:
         text = (
             f"Least squares stopped before it had settled for {what} {', '.join(unsettled)}: other "
             "amounts of the same paints may come nearer."
         )
         console.print(Text(text, "yellow"))
-
-
-def out_of_reach(recipe: Recipe) -> str:
-    """A sentence on a target that no recipe reaches."""
-    why = (
-        "these paints reach no further"
-        if recipe.limit == "paints"
-        else f"{recipe.limit}: try other bounds"
-    )
-    return f"{recipe.target.name}: out of reach by a Delta E of {recipe.gamut_distance:.1f}; {why}."
 
 
 def if_mixed(recipes: Sequence[Recipe]) -> str:
