@@ -136,10 +136,13 @@ def map_cube(
     paints = task.searcher.paints
     most, base = _most_representatives(task, memory)
     count = bands.wavelengths.size
+    # Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
+    # they come from, of all windows that are solved at once.
+    bytes_each = 4.0 * AT_ONCE * (7 * count + 3 * len(paints) + 250) / count
     store = MapStore.create(
         out,
         task.shape,
-        chunk_shape(task.shape, count, _bytes(len(paints), count), memory, base=base),
+        chunk_shape(task.shape, count, bytes_each, memory, base=base),
         paints,
         options=task.options,
         attrs={
@@ -263,16 +266,16 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
         means = np.maximum(means, 0.0)
         readings, beyond = survey(features, means, most, reach, progress)
         count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-        result = _Surveyed(
-            noise=np.array([noise.floor, noise.share]),
-            middle=features.middle,
-            directions=features.directions,
-            readings=readings,
+        result = {
+            "noise": np.array([noise.floor, noise.share]),
+            "middle": features.middle,
+            "directions": features.directions,
+            "readings": readings,
             # Spectra beyond are searched themselves.
-            reach=np.array(1.15 * max(beyond, 1.0)),
-            checked=means[np.linspace(0, len(means) - 1, count).astype(int)],
-        )
-        work.put("survey", vars(result))
+            "reach": np.array(1.15 * max(beyond, 1.0)),
+            "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
+        }
+        work.put("survey", result)
     return _Surveyed(**work.get("survey"))
 
 
@@ -367,10 +370,3 @@ def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
     # A third of what is left; the windows take the rest.
     most = int(np.clip((memory - _BASE) // 3 // bytes_each, _REPRESENTATIVES[0], target))
     return most, _BASE + most * bytes_each
-
-
-def _bytes(paints: int, bands: int) -> float:
-    """Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
-    they come from, of all windows that are solved at once.
-    """
-    return 4.0 * AT_ONCE * (7 * bands + 3 * paints + 250) / bands
