@@ -204,6 +204,8 @@ def recover(
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
+    from glazejax.paint.describe import format_length
+
     from ..film.films import Instrument, Noise
     from ..film.noise import estimate_noise
     from ..film.partial_films import read_loose_films, tint
@@ -222,7 +224,6 @@ def recover(
     )
     if simulate:
         from glazejax.catalogue import load
-        from glazejax.paint.describe import format_length
 
         from ..film.simulate import simulate_paints
 
@@ -296,7 +297,23 @@ def recover(
         lambda _: chunks, len(films), "compiling, then recovering", "recovering"
     )
     recovery = Recovery.join(films, chunk_recoveries)
-    _report(recovery, how, results)
+
+    from .films.plots import plot_paint
+    from .films.report import fit_table, report_films
+
+    for line in report_films(recovery, how.seconds, how.first):
+        console.print(line)
+    console.print(
+        f"Thickness: {format_length(metres)} is assumed, not measured. Only k d and s d are known: "
+        "a film of twice that has half the k and s.",
+        style="bold",
+    )
+    results.write(
+        [recovery.pigment(row, metres) for row in range(len(recovery))],
+        {"fits.csv": fit_table(recovery)},
+        recovery.films.names,
+        lambda row, path: plot_paint(recovery, row, metres, path),
+    )
     if simulate:
         _compare(recovery, metres, shelf, console)
     if how.interrupted:
@@ -340,28 +357,6 @@ def _catalogue(name: str | None, used: bool) -> str:
             "--white NAME or --simulate, or leave it out"
         )
     return name
-
-
-def _report(recovery: "Recovery", how: progress.Collected, results: Destination) -> None:
-    from glazejax.paint.describe import format_length
-
-    from .films.plots import plot_paint
-    from .films.report import fit_table, report_films
-
-    metres = results.thickness
-    for line in report_films(recovery, how.seconds, how.first):
-        results.console.print(line)
-    results.console.print(
-        f"Thickness: {format_length(metres)} is assumed, not measured. Only k d and s d are known: "
-        "a film of twice that has half the k and s.",
-        style="bold",
-    )
-    results.write(
-        [recovery.pigment(row, metres) for row in range(len(recovery))],
-        {"fits.csv": fit_table(recovery)},
-        recovery.films.names,
-        lambda row, path: plot_paint(recovery, row, metres, path),
-    )
 
 
 def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Console") -> None:
