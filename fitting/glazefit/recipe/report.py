@@ -117,8 +117,17 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str
     _print_cautions(recipes, console)
     line = " ".join(filter(None, (f"glazejax render --coats '{first.text}'", view_options)))
     console.print(Text(f"See the first: {line}", "dim"), soft_wrap=True)
-    if first.mixed is not None:
-        console.print(Text(if_mixed(recipes)))
+    mixed = first.mixed
+    if mixed is not None:
+        unmixed = min(recipe.distance for recipe in recipes)
+        instead = f"ΔE00 {mixed.distance:.2f} instead of {unmixed:.2f}"
+        # A gain of less is not worth mixing.
+        gain = (
+            f"Mixing within a coat gains nothing: {instead}."
+            if mixed.distance > unmixed - 0.05
+            else f"Mixed within a coat: {instead}, by {mixed.text}"
+        )
+        console.print(Text(gain))
     unsettled = [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]
     _print_warnings([first], "recipe", unsettled, console)
 
@@ -131,8 +140,16 @@ def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> No
         for best in recipes
     ]
     _print_table(recipes, leads, console)
-    if all(best.mixed is not None for best in recipes):
-        console.print(Text(all_if_mixed(recipe_lists)))
+    mixed = [best.mixed.distance for best in recipes if best.mixed is not None]
+    if len(mixed) == len(recipes):
+        unmixed = [min(recipe.distance for recipe in several) for several in recipe_lists]
+        reached = [sum(off < IN_GAMUT for off in distances) for distances in (mixed, unmixed)]
+        text = (
+            f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(unmixed):.2f} "
+            f"in the median, and {reached[0]} instead of {reached[1]} of {len(recipes)} targets "
+            "within a ΔE00 of 1."
+        )
+        console.print(Text(text))
     _print_mixing(recipes, console)
     _print_cautions(recipes, console)
     unsettled = [best.target.name for best in recipes if not best.converged]
@@ -221,34 +238,6 @@ def _print_warnings(
             "amounts of the same paints may come nearer."
         )
         console.print(Text(text, "yellow"))
-
-
-def if_mixed(recipes: Sequence[Recipe]) -> str:
-    """A sentence on what mixing would gain for one target, by the nearest of its recipes."""
-    unmixed = min(recipe.distance for recipe in recipes)
-    mixed = recipes[0].mixed
-    assert mixed is not None
-    # A gain of less is not worth mixing.
-    if mixed.distance > unmixed - 0.05:
-        return (
-            f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of "
-            f"{unmixed:.2f}."
-        )
-    return (
-        f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {unmixed:.2f}, by {mixed.text}"
-    )
-
-
-def all_if_mixed(recipe_lists: Sequence[Sequence[Recipe]]) -> str:
-    """A sentence on what mixing would gain for many targets."""
-    unmixed = [min(recipe.distance for recipe in recipes) for recipes in recipe_lists]
-    mixed = [recipes[0].mixed.distance for recipes in recipe_lists if recipes[0].mixed is not None]
-    reached = [sum(distance < IN_GAMUT for distance in distances) for distances in (mixed, unmixed)]
-    return (
-        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(unmixed):.2f} in "
-        f"the median, and {reached[0]} instead of {reached[1]} of {len(recipe_lists)} targets "
-        "within a ΔE00 of 1."
-    )
 
 
 def write_csv(recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool) -> None:
