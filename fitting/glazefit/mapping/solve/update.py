@@ -41,19 +41,22 @@ class Answers(Columns):
     @classmethod
     def empty(cls, spectra: int, paints: int, bands: int) -> "Answers":
         """Room for answers."""
-        real = np.float32
+
+        def unknown(*shape: int) -> np.ndarray:
+            return np.full(shape, np.nan, np.float32)
+
         return cls(
             members=np.full((spectra, 3), NOBODY, np.int16),
             condition=np.zeros(spectra, np.int8),
             opaque=np.zeros(spectra, bool),
-            probability=np.full(spectra, np.nan, real),
-            none=np.full(spectra, np.nan, real),
+            probability=unknown(spectra),
+            none=unknown(spectra),
             explained=np.zeros(spectra, bool),
-            paint_probability=np.full((spectra, paints), np.nan, real),
-            amounts=np.full((spectra, 3), -np.inf, real),
-            covariance=np.zeros((spectra, 3, 3), real),
-            misfit=np.full(spectra, np.nan, real),
-            fitted=np.full((spectra, bands), np.nan, real),
+            paint_probability=unknown(spectra, paints),
+            amounts=np.full((spectra, 3), -np.inf, np.float32),
+            covariance=np.zeros((spectra, 3, 3), np.float32),
+            misfit=unknown(spectra),
+            fitted=unknown(spectra, bands),
         )
 
     @property
