@@ -6,7 +6,7 @@ import itertools
 import re
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from glazejax.commands import options, progress
 from glazejax.paint.describe import format_length
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
     from .joint.result import JointRecovery
     from .settings import Destination, PriorKnowledge
 
+Recipes: TypeAlias = Mapping[str, Mapping[str, float]]
+"""Weight of each paint in each sample."""
+
 
 def recover_together(
     films: "Films",
-    listed: Mapping[str, Mapping[str, float]],
+    listed: Recipes,
     fit_options: dict[str, Any],
     check: bool,
     knowledge: "PriorKnowledge",
@@ -128,7 +131,7 @@ def recover_together(
         _print_next_films(recovery, knowledge.catalogue, console)
 
 
-def _one_paint_twice(recipes: Mapping[str, Mapping[str, float]]) -> list[tuple[str, str]]:
+def _one_paint_twice(recipes: Recipes) -> list[tuple[str, str]]:
     """Pairs of names of which one is the other cut short within a word, as Titan and Titanium."""
     paints = sorted({paint for recipe in recipes.values() for paint in recipe})
     return [
@@ -141,7 +144,7 @@ def _one_paint_twice(recipes: Mapping[str, Mapping[str, float]]) -> list[tuple[s
 
 
 def known_paints(
-    recipes: Mapping[str, Mapping[str, float]],
+    recipes: Recipes,
     file: "PaintFile | None",
     white: str,
     overwrite: bool,
