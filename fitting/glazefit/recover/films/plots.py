@@ -1,17 +1,21 @@
 """Picture of a film that was recovered by itself: its spectra and its k and s."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label_spectra, picture
+from glazejax.spectra import Bands
 
 from .result import Recovery
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Coefficients: TypeAlias = Float[np.ndarray, "bands 2"]
+"""k and s at each band."""
 
 
 def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> None:
@@ -52,10 +56,10 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
 
 def draw_coefficients(
     axes: "Axes",
-    grid: Float[np.ndarray, "bands"],
-    values: Float[np.ndarray, "bands 2"],
-    lower: Float[np.ndarray, "bands 2"],
-    upper: Float[np.ndarray, "bands 2"],
+    grid: Bands,
+    values: Coefficients,
+    lower: Coefficients,
+    upper: Coefficients,
     identifiable: Bool[np.ndarray, "bands"],
 ) -> None:
     """k and s in 1/m with their bands, dotted where only their ratio is known."""
