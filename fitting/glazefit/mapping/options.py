@@ -216,7 +216,8 @@ def read_ground_of_cube(
     grid = np.asarray(cube["wavelength"].values, np.float64)
     first, last = used_range(paints)
     within = (grid >= first) & (grid <= last)
-    if not within.any():
+    used = grid[within]
+    if not used.size:
         raise ValueError(
             f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
             f"of those of the paints, {first:g} to {last:g} nm"
@@ -239,12 +240,12 @@ def read_ground_of_cube(
         )
     else:
         stated = options.read_ground(text, bare=bare)
-        below = stated.on(grid[within])
+        below = stated.on(used)
         notes = stated.notes
         how = "measured bare with the same instrument" if bare else "as seen from inside the paint"
         description = f"{stated.words}, {how}"
-    spectrum = np.broadcast_to(below, grid[within].shape)
+    spectrum = np.broadcast_to(below, used.shape)
     if bare:
         spectrum = ground_from_air(spectrum, instrument)
     # Where no paint is known, no ground is asked for.
-    return np.interp(grid, grid[within], spectrum), description, notes
+    return np.interp(grid, used, spectrum), description, notes
