@@ -148,7 +148,7 @@ def _read(
     def reading(kd: Array, sd: Array) -> Array:
         if optics is not None:
             # An error of 1e-5 in the reading of a black would be a Delta E of a hundredth.
-            body = optics.body(jnp.swapaxes(kd, 1, 2), jnp.swapaxes(sd, 1, 2), model.ground, 1e-6)
+            body = optics.body(kd.mT, sd.mT, model.ground, 1e-6)
             return body + model.surface
         ground = model.ground
         body = ground

@@ -157,7 +157,7 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
     faded = -9.0
     low = np.repeat([task.model.span[0], faded], [coats, order.shape[1]])
     high = np.repeat([task.model.span[1], 0.0], [coats, order.shape[1]])
-    values = np.concatenate([total, share], axis=1)
+    values = np.hstack([total, share])
     point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
     return Amounts(stacks.target, order, member), point, Bounds(low, high, longest=1.0)
 
@@ -193,7 +193,7 @@ def look(
     by_lab = (moves @ readings.lab_by_spectrum).reshape(count, 3 * lights, -1) @ by_point
     weight = np.sqrt(goal.spectral)[:, None]
     miss = weight * (readings.spectrum - goal.spectrum)
-    residual = np.concatenate([colours.reshape(count, -1) / np.sqrt(lights), miss], axis=1)
+    residual = np.hstack([colours.reshape(count, -1) / np.sqrt(lights), miss])
     slopes = np.concatenate([by_lab / np.sqrt(lights), weight[..., None] * by_point], axis=1)
     flipped = np.swapaxes(slopes, 1, 2)
     cost = np.sum(residual**2, axis=1)

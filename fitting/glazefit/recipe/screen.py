@@ -89,7 +89,7 @@ class Stacks(Columns):
         """The `count` of least cost for each target, by number of coats and paints; of stacks with
         the same paints in the same coats only the best.
         """
-        kinds = np.stack([self.target, self.coats, self.paints], axis=1)
+        kinds = np.column_stack([self.target, self.coats, self.paints])
         alone = leaders(np.argsort(self.cost, kind="stable"), self.layouts, 1)
         return self.take(leaders(alone, [tuple(kind) for kind in kinds.tolist()], count))
 

@@ -367,7 +367,7 @@ def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Conso
 
     paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
     named = [paints[name] for name in recovery.films.names]
-    pairs = [np.stack([paint.absorption, paint.scattering], axis=-1) for paint in named]
+    pairs = [np.column_stack([paint.absorption, paint.scattering]) for paint in named]
     truth = thickness * np.stack(pairs)
     lower, upper = recovery.interval()
     covered = (truth >= lower) & (truth <= upper)

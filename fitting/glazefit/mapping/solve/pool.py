@@ -62,7 +62,7 @@ def pooled(
         equal = np.einsum("yxd,yxd->yx", difference, difference) <= limit[centre] + limit[neighbour]
         pair = np.stack([numbers[centre][equal], numbers[neighbour][equal]])
         pairs += [pair, pair[::-1]]
-    rows, columns = np.concatenate(pairs, axis=1)
+    rows, columns = np.hstack(pairs)
     weights = np.ones(len(rows), np.float32)
     near = coo_array((weights, (rows, columns)), shape=(len(readings),) * 2).tocsr()
     count = near.sum(axis=1)

@@ -73,7 +73,7 @@ class PixelSolver:
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
         tallies["explained"] = float(answers.explained.sum())
         unexplained = np.flatnonzero(~answers.explained)
-        positions = np.stack(np.unravel_index(good[unexplained], window.shape), axis=1)
+        positions = np.column_stack(np.unravel_index(good[unexplained], window.shape))
         return ChunkMaps(
             arrays=arrays,
             tallies=tallies,

@@ -149,5 +149,5 @@ def group_means(
     """Means of the spectra of each number that occurs."""
     count = np.bincount(which)
     occupied = count > 0
-    sums = np.stack([np.bincount(which, weights=column) for column in values.T], axis=1)
+    sums = np.column_stack([np.bincount(which, weights=column) for column in values.T])
     return sums[occupied] / count[occupied, None]

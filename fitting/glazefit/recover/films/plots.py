@@ -47,7 +47,7 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
         spectra.set_title(f"{films.names[row]}: RMSE {recovery.rmse[row]:.5f}{gloss}")
 
         identifiable = recovery.identifiable[row]
-        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
+        values = np.column_stack([recovery.absorption[row], recovery.scattering[row]]) / thickness
         lower, upper = (ends[row] / thickness for ends in recovery.interval())
         draw_coefficients(coefficients, grid, values, np.maximum(lower, 1.0), upper, identifiable)
         coefficients.set_ylim(max(values.max() * 1e-6, values.min() / 2, 1.0), values.max() * 3)

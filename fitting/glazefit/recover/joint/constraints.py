@@ -125,7 +125,7 @@ def gather_constraints(
     # Known paints keep their k and s; of the others nothing is known.
     logs = np.zeros((bands, 2 * count))
     for column, paint in known.items():
-        optical = unit * np.stack([paint.absorption, paint.scattering], axis=1)
+        optical = unit * np.column_stack([paint.absorption, paint.scattering])
         logs[:, column::count] = np.log(np.maximum(optical, 1e-7))
     # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
     band_modes, modes_of = _paint_modes(known, bands, count)

@@ -203,9 +203,7 @@ def pose(
     errors = np.hypot(
         expected.weight_share, expected.weight_floor / np.where(minor_share > 0, minor_share, 1.0)
     )
-    scale = np.concatenate(
-        [constraints.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1
-    )
+    scale = np.column_stack([constraints.thickness_sd, np.full(count, expected.gloss), errors])
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [
         1.0,
@@ -236,7 +234,7 @@ def pose(
         curvature=curvature_matrix(films.wavelengths),
         stiffness=stiffness,
         steepness=steepness,
-        pull=np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
+        pull=np.column_stack([pull[:, 0], 1.0 / pull[:, 1]]),
         film_scale=scale,
         paint_mean=paint_mean,
         paint_scale=np.full(paints, expected.paint_gloss),

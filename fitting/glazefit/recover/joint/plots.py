@@ -46,7 +46,7 @@ def plot_joint_paint(recovery: JointRecovery, row: int, path: Path) -> None:
             f"{paint}{remark}: over white (circles), over black (squares), lines fitted", fontsize=9
         )
 
-        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1)
+        values = np.column_stack([recovery.absorption[row], recovery.scattering[row]])
         values = values / recovery.unit
         factor = np.exp(1.96 * recovery.log_sd[:, row].T)
         draw_coefficients(

@@ -208,7 +208,7 @@ def residuals(unknowns: Unknowns, problem: JointProblem, response: Response) -> 
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
         pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
-        films=jnp.concatenate([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)], axis=1),
+        films=jnp.hstack([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)]),
         paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
         others=unknowns.others,
     )

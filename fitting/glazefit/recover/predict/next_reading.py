@@ -326,14 +326,14 @@ def _open(
     gloss = unknowns.paints[:, rows]
     if white is not None:
         white = white.resample(recovery.wavelengths[bands])
-        values = np.stack([white.absorption, white.scattering], axis=-1) * recovery.unit
+        values = np.column_stack([white.absorption, white.scattering]) * recovery.unit
         modes = error_modes(white)
         off = np.einsum("dm,mcb->dbc", normal(len(modes)), modes)
         # Its unit may be another than the films'.
         off = off + expected.scale * normal(1, 1)
         logs = np.log(np.maximum(values, 1e-7)) + off
         coefficients = np.concatenate([coefficients, logs[..., None]], axis=-1)
-        gloss = np.concatenate([gloss, expected.paint_gloss * normal(1)], axis=-1)
+        gloss = np.hstack([gloss, expected.paint_gloss * normal(1)])
     # Stronger paints go with thinner films: their product is known better than either.
     depth = recovery.depth(unknowns.films - best.films)[:, None]
     thickness_sd = np.mean(recovery.problem.film_scale[:, 0])
