@@ -479,8 +479,7 @@ def _print(
     console.print(
         f"{lead} 10 %: ΔE00 when that coat alone is a tenth thicker or thinner. "
         f"{len(task.pigments)} paints, up to {task.max_paints} in {task.max_coats} "
-        f"{'unmixed ' if task.glazes else ''}coats; "
-        f"{_describe_view(task)}.",
+        f"{'unmixed ' if task.glazes else ''}coats; {_describe_view(task)}.",
         style="dim",
     )
     for assumption in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):

@@ -119,8 +119,7 @@ def make_task(
     if not 0 < low <= high <= MAX_THICKNESS:
         raise ValueError(
             f"thickness is {low:g} to {high:g} m; it must ascend from above 0 to "
-            f"{MAX_THICKNESS:g} m at most, "
-            "such as (1e-6, 50e-6)"
+            f"{MAX_THICKNESS:g} m at most, such as (1e-6, 50e-6)"
         )
     # The mirror reflection is out of view, as a painter looks at a picture.
     seen_by = resolve_instrument(instrument or Bidirectional(45, 0), float(refractive_index))
@@ -196,8 +195,7 @@ def _on_one_grid(
     if base.shape not in ((), grid.shape):
         raise ValueError(
             f"the ground has shape {base.shape}: give one number, or {grid.size} for "
-            f"{describe_grid(grid)}, the "
-            "wavelengths of the pigments"
+            f"{describe_grid(grid)}, the wavelengths of the pigments"
         )
     check_ground(base)
     if not shared.any():

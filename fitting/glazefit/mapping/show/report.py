@@ -69,8 +69,7 @@ def report_map(
     if further:
         yield Text(
             f"Others: {len(further)} further {'set' if len(further) == 1 else 'sets'} on "
-            f"{sum(further) / mapped:.1%} of the "
-            "area",
+            f"{sum(further) / mapped:.1%} of the area",
             "dim",
         )
 

@@ -48,8 +48,8 @@ def spot_pigment(
     if wrong.size:
         raise ValueError(
             f"the spot {name!r} reads {wrong[0]:g}; a hiding paint reads from "
-            f"{instrument.seen_surface:.3f} (its surface) "
-            "to 1.2: is the spot in focus, and the image calibrated?"
+            f"{instrument.seen_surface:.3f} (its surface) to 1.2: is the spot in focus, and the "
+            "image calibrated?"
         )
     response = film_response(instrument)
     ratio = hiding_ratio(response, body[None])[0]
