@@ -108,8 +108,9 @@ def write_painting(folder: Path, scene: Painting) -> Path:
     lines, samples, bands = scene.spectra.shape
     scene.spectra.astype("<f4").tofile(folder / "painting.dat")
     np.save(folder / "members.npy", scene.members)
-    rows = zip(scene.wavelengths, scene.ground, strict=True)
-    table = "".join(f"{nm:g},{value:.6f}\n" for nm, value in rows)
+    table = "".join(
+        f"{nm:g},{value:.6f}\n" for nm, value in zip(scene.wavelengths, scene.ground, strict=True)
+    )
     (folder / "ground.csv").write_text(f"wavelength,ground\n{table}", encoding="utf-8")
     # Last, so that a header stands for a whole image.
     header = folder / "painting.hdr"

@@ -69,8 +69,7 @@ def say_what_is_kept(out: Path, console: "Console", *, overwrite: bool) -> Itera
             yield
     except KeyboardInterrupt as stop:
         terminated = isinstance(stop, _Terminated)
-        message = kept("Stopped") if terminated else kept()
-        console.print(message, style="yellow")
+        console.print(kept("Stopped") if terminated else kept(), style="yellow")
         raise typer.Exit(interrupts.TERMINATED if terminated else interrupts.INTERRUPTED) from None
 
 

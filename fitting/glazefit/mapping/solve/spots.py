@@ -51,8 +51,7 @@ def spot_pigment(
             f"{instrument.seen_surface:.3f} (its surface) to 1.2: is the spot in focus, and the "
             "image calibrated?"
         )
-    response = film_response(instrument)
-    ratio = hiding_ratio(response, body[None])[0]
+    ratio = hiding_ratio(film_response(instrument), body[None])[0]
     scattering = (
         float(np.median([np.median(np.asarray(p.scattering)) for p in pigments]))
         if pigments

@@ -70,8 +70,7 @@ class MapStore:
                 "--out"
             )
         try:
-            text = (self.path / "zarr.json").read_text(encoding="utf-8")
-            attrs = json.loads(text)["attributes"]
+            attrs = json.loads((self.path / "zarr.json").read_bytes())["attributes"]
             about = attrs["glazejax"]
             written = about["format"]
             self.run: str = about["run"]
@@ -342,8 +341,7 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     from .partial_store import FinishedWindows
 
     store = MapStore(path)
-    files = LocalStore(store.path, read_only=True)
-    finished = FinishedWindows(files, store.lacks, store.check)
+    finished = FinishedWindows(LocalStore(store.path, read_only=True), store.lacks, store.check)
     try:
         # zarr lists arrays as they come.
         return xarray.open_zarr(finished, chunks=None)[sorted(BY_NAME)]
