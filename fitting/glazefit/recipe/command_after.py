@@ -57,8 +57,7 @@ def say_addition(
 
     recipe, mixture_paints = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
-    among = mixture_paints | {p.name: p for p in paints}
-    film = read_film(reading, samples, among, recipe, console, **stated)
+    film = read_film(reading, samples, mixture_paints, recipe, console, **stated)
     with progress.follow("compiling, then fitting the reading") as report:
         calibrated = calibrate_mixture(
             mixture_paints,
