@@ -171,13 +171,8 @@ def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[
         coats = []
         for coat in range(max(candidate.coats) + 1):
             mine = [i for i in range(len(candidate.paints)) if candidate.coats[i] == coat]
-            share = float(sum(candidate.fractions[i] for i in mine))
-            coats.append(
-                _coat(
-                    {candidate.paints[i]: float(candidate.fractions[i]) for i in mine},
-                    thick * share,
-                )
-            )
+            fractions = {candidate.paints[i]: float(candidate.fractions[i]) for i in mine}
+            coats.append(_coat(fractions, thick * sum(fractions.values())))
         listed.append(
             {
                 "words": candidate.words,
