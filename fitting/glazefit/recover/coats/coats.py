@@ -307,14 +307,13 @@ def predict_next_coat(
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.exp(np.asarray(log_k) + thickness)
     sd = np.exp(draws.bands[:, :, 1] + thickness)
+    gloss = np.exp(draws.paints[:, 0] + fit.expectations.gloss * rng.standard_normal(count))
     reading = np.asarray(recovery.response.body(kd, sd, internal))
-    expected = fit.expectations
-    surface = draws.paints[:, 0] + expected.gloss * rng.standard_normal(count)
-    reading = reading + instrument.seen_surface * np.exp(surface)[:, None]
+    reading = reading + instrument.seen_surface * gloss[:, None]
     # The model's own error of a further coat: smooth, and larger for bright readings.
     smooth = rng.multivariate_normal(np.zeros(grid.size), smooth_kernel(grid, 100.0), size=count)
-    off = (0.003 + 0.01 * reading) * smooth
-    off = off + fit.noise.sd(reading) * rng.standard_normal(reading.shape)
+    noise = fit.noise.sd(reading) * rng.standard_normal(reading.shape)
+    off = (0.003 + 0.01 * reading) * smooth + noise
     return CoatPrediction(paint, float(coats), grid, np.maximum(reading + off, 0.0))
 
 

@@ -113,7 +113,7 @@ def coat_rows(recovery: CoatRecovery) -> Iterator[tuple[object, ...]]:
 def next_coat_rows(predictions: Sequence[CoatPrediction]) -> Iterator[tuple[object, ...]]:
     """A row a film predicted and wavelength, of `NEXT_COLUMNS`."""
     for prediction in predictions:
-        columns = (prediction.reflectance, *prediction.interval(0.9))
+        columns = (prediction.reflectance, *prediction.interval())
         for band, wavelength in enumerate(prediction.wavelengths):
             yield (
                 prediction.paint,
