@@ -114,8 +114,9 @@ def recover_together(
                 left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)
             for line in report_left_out(left_out):
                 console.print(line)
-            table = left_out_table(recovery, left_out)
-            write_table(out / "left_out.csv", *table, overwrite=overwrite)
+            write_table(
+                out / "left_out.csv", *left_out_table(recovery, left_out), overwrite=overwrite
+            )
             if plots:
                 plot_left_out(recovery, left_out, out / "left_out.png")
     _say_scale(recovery, references, gauge, console)

@@ -232,8 +232,10 @@ def rank_next_films(
     open_ = _open(recovery, rows, bands, plan, stand_in)
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
     ground, ground_sd = (values[0, bands].T for values in (card_data.ground, card_data.ground_sd))
-    surface = recovery.instrument.seen_surface
-    expected, moves = map(np.asarray, _readings(open_, plan.shares, ground, surface, response))
+    expected, moves = map(
+        np.asarray,
+        _readings(open_, plan.shares, ground, recovery.instrument.seen_surface, response),
+    )
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
     read = reading_bands(grid.size, 16)
     thinning = np.sqrt(recovery.wavelengths.size / read.size)
