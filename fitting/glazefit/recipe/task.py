@@ -127,7 +127,18 @@ def make_task(
     lights = illuminants or [name for target in targets for name in target.labs] or ["D65"]
     names = tuple(dict.fromkeys(map(colour.find_illuminant, lights)))
     full_observer = colour.find_observer(observer)
-    paints, base = _on_one_grid(_list_pigments(pigments, max_paints), ground, targets)
+    shelf = listed_pigments(catalogue.load() if pigments is None else pigments)
+    if not shelf:
+        raise ValueError(
+            "there are no pigments: leave them out for the catalogue, or give at least one"
+        )
+    if len(shelf) > _MOST_PAINTS and max_paints > 1:
+        raise ValueError(
+            f"{len(shelf)} paints make too many sets to try them all: name {_MOST_PAINTS} at most "
+            "(--only), or set max_paints to 1"
+        )
+    check_paints(shelf)
+    paints, base = _on_one_grid(shelf, ground, targets)
     grid = paints[0].wavelengths
     # Says which colour is missing.
     labs = np.stack([[target.lab(name, full_observer) for name in names] for target in targets])
@@ -161,23 +172,6 @@ def make_task(
     most_paints, most_coats = map(min, (task.max_paints, task.max_coats), _MIXED)
     mixed = replace(task, glazes=False, max_paints=most_paints, max_coats=most_coats)
     return replace(task, mixed=mixed)
-
-
-def _list_pigments(pigments: Pigments | None, max_paints: int) -> list[Pigment]:
-    if pigments is None:
-        pigments = catalogue.load()
-    paints = listed_pigments(pigments)
-    if not paints:
-        raise ValueError(
-            "there are no pigments: leave them out for the catalogue, or give at least one"
-        )
-    if len(paints) > _MOST_PAINTS and max_paints > 1:
-        raise ValueError(
-            f"{len(paints)} paints make too many sets to try them all: name {_MOST_PAINTS} at most "
-            "(--only), or set max_paints to 1"
-        )
-    check_paints(paints)
-    return paints
 
 
 def _on_one_grid(
