@@ -115,7 +115,16 @@ def map_task(
         if by_family
         else Searcher.of(bands.wavelengths, paints, asked, opaque=opaque)
     )
-    below = None if ground is None else _ground(ground, bands, stored)
+    # Internal reflectance of the ground at the working bands.
+    below = None
+    if ground is not None:
+        values = np.asarray(ground, float)
+        if values.ndim > 1 or (values.ndim == 1 and values.size != stored.size):
+            raise ValueError(
+                f"a ground of shape {values.shape} is neither a number nor one for each of "
+                f"{stored.size} bands"
+            )
+        below = np.broadcast_to(values, stored.shape) @ bands.mean
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
@@ -154,17 +163,6 @@ def map_task(
         notes=tuple(array.attrs.get("notes", ())),
         coords=coords,
     )
-
-
-def _ground(ground: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Bands:
-    """Internal reflectance of the ground at the working bands."""
-    values = np.asarray(ground, float)
-    if values.ndim > 1 or (values.ndim == 1 and values.size != stored.size):
-        raise ValueError(
-            f"a ground of shape {values.shape} is neither a number nor one for each of "
-            f"{stored.size} bands"
-        )
-    return np.broadcast_to(values, stored.shape) @ bands.mean
 
 
 def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
