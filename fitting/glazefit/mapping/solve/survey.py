@@ -13,6 +13,8 @@ SpectraReadings: TypeAlias = Float[np.ndarray, "spectra bands"]
 """Readings of spectra at the working bands."""
 PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
 """A number a spectrum."""
+SpectraFeatures: TypeAlias = Float[np.ndarray, "spectra directions"]
+"""Numbers by which spectra are compared (`Features`)."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Features:
         # Directions in which spectra are compared.
         return cls(middle, np.ascontiguousarray(vectors[:, :16].T @ even))
 
-    def __call__(self, readings: SpectraReadings) -> Float[np.ndarray, "spectra directions"]:
+    def __call__(self, readings: SpectraReadings) -> SpectraFeatures:
         """Features of spectra, single precision."""
         return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
 
@@ -69,7 +71,7 @@ def _logs(readings: np.ndarray) -> np.ndarray:
 
 
 def nearest(
-    features: Float[np.ndarray, "spectra directions"],
+    features: SpectraFeatures,
     centres: Float[np.ndarray, "centres directions"],
 ) -> tuple[Int[np.ndarray, "spectra"], PerSpectrum]:
     """Number of the nearest centre of each spectrum, and how far it is."""
@@ -81,7 +83,7 @@ def nearest(
 
 
 def spread_out(
-    features: Float[np.ndarray, "spectra directions"],
+    features: SpectraFeatures,
     most: int,
     reach: "float | Float[np.ndarray, 'spectra']",
     progress: Progress = no_progress,

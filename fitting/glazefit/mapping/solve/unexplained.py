@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from scipy.optimize import nnls
 
 from glazejax import Pigment
@@ -20,7 +20,7 @@ from glazejax.spectra import Bands
 
 from ..store.chunk import Unexplained
 from .spots import spot_pigment
-from .survey import SpectraReadings, group_means, nearest, spread_out
+from .survey import SpectraFeatures, SpectraReadings, group_means, nearest, spread_out
 
 SPOTS = 10
 """Spectra that are offered as paints, at most."""
@@ -32,7 +32,7 @@ _BLACK = 0.01
 
 def gather(
     readings: SpectraReadings,
-    features: Float[np.ndarray, "spectra directions"],
+    features: SpectraFeatures,
     places: Int[np.ndarray, "spectra 2"],
 ) -> Unexplained:
     """Spectra of one window in groups of like ones; the groups' middles reach its extremes.
