@@ -197,7 +197,6 @@ def rank_next_films(
     paint: str,
     *,
     white: Pigment | None = None,
-    response: Response | None = None,
 ) -> NextFilms:
     """Further films of a paint, in the order of what they would teach.
 
@@ -205,12 +204,11 @@ def rank_next_films(
         recovery: joint fit.
         paint: one of its paints.
         white: what tints would be made with, if the fit holds no white.
-        response: model of one film, by default that of the fit's instrument.
 
     Raises:
         ValueError: no such paint.
     """
-    response = response or film_response(recovery.instrument)
+    response = film_response(recovery.instrument)
     # The white of the tints: one of the fit, or one that stands in for it.
     row = recovery.row(paint)
     whites = _whites(recovery)
