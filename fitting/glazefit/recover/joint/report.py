@@ -69,28 +69,23 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
             "fit. Are rows swapped, or films called by another paint's name?",
             "yellow",
         )
-    for film, paint, factor in find_suspect_weights(recovery):
-        yield Text(
-            f"{recovery.films.names[film]}: reads as if it held {factor:.2g} times the "
-            f"{paint} that its recipe says.",
-            "yellow",
-        )
+    # Films whose weights the fit wants changed much.
+    for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
+        order = np.argsort(-recovery.shares[film])
+        for index, error in enumerate(errors):
+            # So much is worth a second look at the recipe.
+            if abs(error) > 0.3:
+                yield Text(
+                    f"{recovery.films.names[film]}: reads as if it held {np.exp(error):.2g} times "
+                    f"the {recovery.paints[order[1 + index]]} that its recipe says.",
+                    "yellow",
+                )
     if not recovery.converged:
         yield Text(f"The solver did not settle in {recovery.steps} steps.", "yellow")
 
 
 def _per_cent(log_sd: float) -> str:
     return f"{log_sd:.0%}" if log_sd < 1 else f"factor {np.exp(log_sd):.1f}"
-
-
-def find_suspect_weights(recovery: JointRecovery) -> Iterator[tuple[int, str, float]]:
-    """Films whose weights the fit wants changed much: film, paint, and by what factor."""
-    for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
-        order = np.argsort(-recovery.shares[film])
-        for index, error in enumerate(errors):
-            # So much is worth a second look at the recipe.
-            if abs(error) > 0.3:
-                yield film, recovery.paints[order[1 + index]], float(np.exp(error))
 
 
 def film_table(recovery: JointRecovery) -> Table:
