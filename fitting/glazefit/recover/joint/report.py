@@ -39,7 +39,7 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
         table.add_row(
             paint,
             f"{(recovery.shares[:, row] > 0).sum()}",
-            *(_per_cent(value) for value in (sd[0, row], sd[1, row], ratio[row])),
+            *(_per_cent(value) for value in (*sd[:, row], ratio[row])),
             f"{recovery.identifiable[row].sum()}/{bands} bands",
         )
     yield table
