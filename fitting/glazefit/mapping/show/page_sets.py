@@ -57,18 +57,16 @@ def set_rows(
         }
 
 
-def _spreads(look: Overview, members: Members) -> list[tuple[str, list[str] | None]]:
+def _spreads(look: Overview, members: Members) -> Iterator[tuple[str, list[str] | None]]:
     """Paints of a set, each with the 10, 50 and 90 % quantiles of its shares, in percent."""
     shares = look.examples["fraction"][look.where(members)]
-    paints = []
     for slot, member in enumerate(members):
         finite = shares[:, slot][np.isfinite(shares[:, slot])]
         spread = None
         if len(members) > 1 and finite.size:
             quantiles = 100 * np.percentile(finite, (10, 50, 90))
             spread = [f"{value:.{0 if value >= 9.5 else 1}f}" for value in quantiles]
-        paints.append((look.paints[member], spread))
-    return paints
+        yield look.paints[member], spread
 
 
 def small_spectrum(
