@@ -99,7 +99,7 @@ def test_the_page_says_how_to_add_each(unexplained):
 
     found, words = unexplained
     spots = choose_spots(found, BARE, len(words))
-    page = _fill(spot_rows([asdict(spot) for spot in spots], GRID))
+    page = _fill(list(spot_rows([asdict(spot) for spot in spots], GRID)))
     said = html.unescape(re.sub(r"<[^>]*>", " ", page))
     assert said.count("Add this as a paint") == len(spots)
     assert page.count("<svg") == len(spots)

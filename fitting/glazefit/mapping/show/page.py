@@ -154,7 +154,7 @@ def write_report(
         order=order,
         never=[name for n, name in enumerate(look.paints) if n not in order],
         paints=paints,
-        spots=spot_rows(dataset.attrs.get("spots", ()), grid),
+        spots=list(spot_rows(dataset.attrs.get("spots", ()), grid)),
         spots_file=PAINTS if facts is None else REFERENCES,
         chapters=chapters,
         grid=grid,
