@@ -10,23 +10,21 @@ from glazejax import Pigment
 GRID = np.arange(400.0, 701.0, 20.0)
 
 
-def palette() -> list[Pigment]:
-    def edge(centre: float, width: float = 25.0) -> np.ndarray:
-        return 1.0 / (1.0 + np.exp((GRID - centre) / width))
+def _edge(centre: float, width: float = 25.0) -> np.ndarray:
+    return 1.0 / (1.0 + np.exp((GRID - centre) / width))
 
-    blue = np.exp(-(((GRID - 600.0) / 70.0) ** 2))
-    absorption = {
-        "White": 200.0 + 2000.0 * edge(400.0, 10.0),
-        "Black": np.full(GRID.size, 4e5),
-        "Red": 1e3 + 2e5 * edge(580.0),
-        "Yellow": 5e2 + 1.5e5 * edge(490.0),
-        "Blue": 2e3 + 2e5 * blue,
-    }
-    scattering = {"White": 2e5, "Black": 2e4, "Red": 6e4, "Yellow": 9e4, "Blue": 3e4}
-    return [
-        Pigment(name, GRID, values, np.full(GRID.size, scattering[name]))
-        for name, values in absorption.items()
-    ]
+
+_COEFFICIENTS = {
+    "White": (200.0 + 2000.0 * _edge(400.0, 10.0), 2e5),
+    "Black": (np.full(GRID.size, 4e5), 2e4),
+    "Red": (1e3 + 2e5 * _edge(580.0), 6e4),
+    "Yellow": (5e2 + 1.5e5 * _edge(490.0), 9e4),
+    "Blue": (2e3 + 2e5 * np.exp(-(((GRID - 600.0) / 70.0) ** 2)), 3e4),
+}
+PALETTE = [
+    Pigment(name, GRID, absorption, np.full(GRID.size, scattering))
+    for name, (absorption, scattering) in _COEFFICIENTS.items()
+]
 
 
 def optical_depths(paints: Sequence[Pigment], amounts: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

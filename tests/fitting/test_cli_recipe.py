@@ -13,7 +13,7 @@ from glazefit.recipe import recipe
 from glazejax.commands import progress
 from glazejax.io import read_spectra
 
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def run(command_line):
     with open("paints.csv", "w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(["pigment", "wavelength_nm", "absorption", "scattering"])
-        for paint in palette():
+        for paint in PALETTE:
             columns = zip(
                 GRID, np.asarray(paint.absorption), np.asarray(paint.scattering), strict=True
             )

@@ -9,7 +9,7 @@ import glazejax.radiative.stack  # noqa: F401  what is watched must be loaded
 from glazefit import find_recipes, identify, lab_target, recover_films, simulate_films
 from tests.cuda import watch
 
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +34,7 @@ def test_identification(monkeypatch):
     grounds = np.array([[0.05], [0.85]]) * np.ones((2, GRID.size))
 
     def find(most):
-        identify(GRID, spectra, palette()[:3], ground=grounds, max_paints=most)
+        identify(GRID, spectra, PALETTE[:3], ground=grounds, max_paints=most)
 
     check(monkeypatch, "identify", lambda: find(2), lambda: find(1))
 
@@ -44,7 +44,7 @@ def test_recipes(monkeypatch):
     check(
         monkeypatch,
         "recipe",
-        lambda: find_recipes(target, palette()[:3], max_paints=2, count=1),
+        lambda: find_recipes(target, PALETTE[:3], max_paints=2, count=1),
     )
 
 

@@ -16,7 +16,7 @@ from glazefit.identify.search.searcher import Searcher, check_spectra
 from glazefit.identify.show.bands import expected_bands
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from tests.fitting.answers import made_up
-from tests.fitting.palette import GRID, optical_depths, palette
+from tests.fitting.palette import GRID, PALETTE, optical_depths
 
 STATED = np.random.default_rng(4).uniform(0.02, 0.08, (5, 2, GRID.size))
 """Relative standard deviations of k and s that the paints state."""
@@ -29,7 +29,7 @@ PAINTS = [
         absorption_sd=sd[0] * np.asarray(paint.absorption),
         scattering_sd=sd[1] * np.asarray(paint.scattering),
     )
-    for paint, sd in zip(palette(), STATED, strict=True)
+    for paint, sd in zip(PALETTE, STATED, strict=True)
 ]
 NAMES = [paint.name for paint in PAINTS]
 SPHERE = Hemispherical(8.0)

@@ -10,10 +10,10 @@ from glazejax.paint.describe import parse_coats
 from glazejax.paint.media import make_media
 
 from ..refusals import refusal
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 SEEN = gj.Bidirectional(45, 0)
-WHITE, BLACK, RED, YELLOW, BLUE = palette()
+WHITE, BLACK, RED, YELLOW, BLUE = PALETTE
 
 
 def delta_e(first, second) -> float:
@@ -39,7 +39,7 @@ def found(known):
         lab_target((88, -86, 83), "green"),
         spectral_target(GRID, np.full(GRID.size, 0.2), name="grey"),
     ]
-    return find_recipes(targets, palette(), count=4)
+    return find_recipes(targets, PALETTE, count=4)
 
 
 def test_a_colour_that_the_paints_make_is_found(found):
@@ -69,7 +69,7 @@ def test_the_glaze_is_what_was_described(found):
         solved = np.asarray(gj.reflectance(recipe.glaze, SEEN))
         assert_allclose(recipe.reflectance, solved, atol=2e-5)
         coats = parse_coats(recipe.text)
-        media = make_media(coats, {p.name: p for p in palette()})
+        media = make_media(coats, {p.name: p for p in PALETTE})
         typed = gj.Glaze([gj.Layer(m, c.thickness) for m, c in zip(media, coats, strict=True)], 0.9)
         assert_allclose(gj.reflectance(typed, SEEN), solved, atol=1e-6)
 
@@ -148,7 +148,7 @@ def test_mixings_differ_as_their_paints_do(found):
 
 @pytest.mark.slow
 def test_one_target_gets_what_it_gets_in_a_batch(found, known):
-    alone = find_recipes(spectral_target(GRID, known, name="known"), palette(), count=4)
+    alone = find_recipes(spectral_target(GRID, known, name="known"), PALETTE, count=4)
     assert alone[0].text == found[0][0].text
 
 
@@ -157,7 +157,7 @@ def test_thickness_that_limits_is_named():
     """White paint over a black ground: thicker would be whiter."""
     # As many targets and recipes as above: the same programs.
     targets = [lab_target((100, 0, 0), f"white {n}") for n in range(5)]
-    recipes, *_ = find_recipes(targets, palette(), ground=0.0, thickness=(1e-6, 5e-6), count=4)
+    recipes, *_ = find_recipes(targets, PALETTE, ground=0.0, thickness=(1e-6, 5e-6), count=4)
     assert not recipes[0].in_gamut
     assert "as thick as allowed" in recipes[0].limit
     assert max(coat.thickness for coat in recipes[0].coats) == pytest.approx(5e-6, abs=1e-7)
@@ -167,7 +167,7 @@ def test_thickness_that_limits_is_named():
 def test_weighing_the_spectrum_brings_it_nearer():
     target = spectral_target(GRID, 0.3 + 0.1 * np.sin(GRID / 20.0), name="waves")
     errors = [
-        find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)
+        find_recipes(target, PALETTE, metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)
     ]
     assert errors[0] is not None
     assert errors[1] is not None
@@ -181,7 +181,7 @@ def test_a_colour_under_two_lights():
     target = {
         light: np.asarray(colour.lab(GRID, spectrum, illuminant=light)) for light in ("D65", "A")
     }
-    best, *_ = find_recipes(target, palette(), max_coats=1)
+    best, *_ = find_recipes(target, PALETTE, max_coats=1)
     assert set(best.delta_e) == {"D65", "A"}
     assert best.distance < 0.5
     assert best.rmse is None
@@ -193,7 +193,7 @@ def test_more_paints_and_more_coats_come_nearer():
     targets = [lab_target(lab) for lab in rng.uniform((25, -45, -45), (80, 45, 45), (4, 3))]
     nearest = []
     for paints, layers in ((1, 1), (3, 2), (4, 3)):
-        recipes = find_recipes(targets, palette(), max_paints=paints, max_coats=layers)
+        recipes = find_recipes(targets, PALETTE, max_paints=paints, max_coats=layers)
         assert all(
             len(r.paints) <= paints and len(r.coats) <= layers for some in recipes for r in some
         )
@@ -224,7 +224,7 @@ def test_more_paints_and_more_coats_come_nearer():
 )
 def test_bad_input_is_refused(target, options, match):
     with refusal(match):
-        find_recipes(target, palette(), **options)
+        find_recipes(target, PALETTE, **options)
 
 
 def test_bad_palettes_are_refused():

@@ -17,10 +17,10 @@ from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
 from ..refusals import refusal
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 SEEN = gj.Bidirectional(45, 0)
-WHITE, BLACK, RED, YELLOW, BLUE = palette()
+WHITE, BLACK, RED, YELLOW, BLUE = PALETTE
 
 
 def said(show, *what) -> str:
@@ -36,7 +36,7 @@ def recipes_of_coats(**options):
     coats = [gj.Layer(RED, 1.5e-6), gj.Layer(WHITE, 12e-6)]
     made = np.asarray(gj.reflectance(gj.Glaze(coats, 0.9), SEEN))
     targets = [spectral_target(GRID, made, name="made"), lab_target((35, 5, -5), "plum")]
-    return find_recipes(targets, palette(), glazes=True, **options)
+    return find_recipes(targets, PALETTE, glazes=True, **options)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_the_answer_says_what_mixing_would_gain(found):
 
 def task(**others: Any) -> RecipeTask:
     given: dict = {"glazes": True, **others}
-    return make_task([lab_target((50, 0, 0))], palette(), **given)
+    return make_task([lab_target((50, 0, 0))], PALETTE, **given)
 
 
 def test_limits_of_unmixed_coats():

@@ -19,14 +19,14 @@ from glazefit.recipe.task import make_task
 from glazejax import catalogue, colour
 
 from ..refusals import refusal
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 D65 = colour.find_illuminant("D65")
 
 
 @pytest.fixture(scope="module")
 def task():
-    return make_task([lab_target((40, 40, 40)), lab_target((60, 0, -20))], palette())
+    return make_task([lab_target((40, 40, 40)), lab_target((60, 0, -20))], PALETTE)
 
 
 def stacks(count, coats):
@@ -67,7 +67,7 @@ def test_of_like_stacks_the_best_is_kept():
 
 @pytest.mark.slow
 def test_a_recipe_that_did_not_settle_is_named(capsys):
-    recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_coats=1, count=1)[0]
+    recipe = find_recipes((60, 10, 10), PALETTE, max_paints=2, max_coats=1, count=1)[0]
     for settled in (True, False):
         print_recipes([recipe, replace(recipe, converged=settled)], Console(), "--instrument 45:0")
         print_best([[replace(recipe, converged=settled)]], Console())
@@ -182,7 +182,7 @@ def test_bad_targets_are_refused(make, match):
 @pytest.mark.parametrize("limits", [(3, 2), (2, 2), (1, 1)])
 def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
     paints, coats = limits
-    asked = make_task([lab_target((40, 40, 40))] * 2, palette(), max_paints=paints, max_coats=coats)
+    asked = make_task([lab_target((40, 40, 40))] * 2, PALETTE, max_paints=paints, max_coats=coats)
     found = screen(asked, (1000,) * 3)
     inside = found.sizes > 0
     assert found.paints.max() == paints

@@ -17,7 +17,7 @@ from glazefit.recipe.targets import TargetArrays
 from glazefit.recipe.task import RecipeTask, make_task
 from glazejax import colour
 
-from .palette import GRID, palette
+from .palette import GRID, PALETTE
 
 SEEN = gj.Bidirectional(45, 0)
 LIGHTS = [colour.find_illuminant(name) for name in ("D65", "A")]
@@ -38,7 +38,7 @@ def stacks(*some: list[dict[int, float]]) -> Stacks:
 def spectrum(sizes: np.ndarray) -> np.ndarray:
     """What the public solver says of a stack, paint by paint through mixtures and layers."""
     layers = [
-        gj.Layer(gj.Mixture(palette(), coat / coat.sum()), coat.sum() * 1e-6)
+        gj.Layer(gj.Mixture(PALETTE, coat / coat.sum()), coat.sum() * 1e-6)
         for coat in sizes
         if coat.sum() > 0
     ]
@@ -49,7 +49,7 @@ def task_for(spectra: np.ndarray, spectral: float = 0.0) -> RecipeTask:
     """Under two lights, so that each counts in part; `spectral` weighs the spectra."""
     labs = np.stack([colour.lab(GRID, spectra, illuminant=light) for light in LIGHTS], axis=1)
     target = lab_target(dict.fromkeys(LIGHTS, (50, 0, 0)))
-    task = make_task([target] * len(spectra), palette())
+    task = make_task([target] * len(spectra), PALETTE)
     arrays = TargetArrays(labs, lab_metric(labs), spectra, np.full(len(spectra), spectral))
     return replace(task, target_arrays=arrays)
 
