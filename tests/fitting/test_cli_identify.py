@@ -1,6 +1,5 @@
 import csv
 import hashlib
-import importlib
 import json
 import os
 from functools import partial
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 from glazefit import read_films, simulate_films
+from glazefit.identify import command, identify
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
@@ -18,10 +18,18 @@ from .palette import optical_depths
 from .tables import write_films
 
 GRID = np.arange(400.0, 701.0, 10.0)
-NAMES = ["Name", *(f"{nm:g}" for nm in GRID)]
-
-
 run = partial(invoke, "identify")
+
+
+def said(result):
+    """All that a command prints, on one line."""
+    return " ".join(result.output.split())
+
+
+def flat(path, level=0.4, grid=GRID, name="grey"):
+    """A table of one spectrum, the same at all bands."""
+    write_table(path, ["Name", *(f"{nm:g}" for nm in grid)], [[name, *[level] * len(grid)]])
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -74,10 +82,8 @@ def test_wrong_options_are_one_error_before_anything_is_computed(
 
 
 def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
-    one = tmp_path / "one.csv"
-    write_table(one, NAMES, [["grey", *np.full(GRID.size, 0.4)]])
-    short = tmp_path / "short.csv"
-    write_table(short, ["Name", "500", "600"], [["grey", 0.4, 0.4]])
+    one = flat(tmp_path / "one.csv")
+    short = flat(tmp_path / "short.csv", grid=(500, 600))
     for ground, complaint in (
         (f"{one}:white", "holds no spectrum 'white'; there are grey"),
         (short, "short.csv: the ground: cannot resample 500-600 nm"),
@@ -86,38 +92,16 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         words = [] if ground is None else ["--ground", ground]
         result = run(one, "--catalogue", "oils", *words)
         assert complaint in str(result.exception)
-    infrared = tmp_path / "infrared.csv"
-    write_table(infrared, ["Name", "900", "1000", "1100"], [["grey", 0.4, 0.4, 0.4]])
-    said = str(run(one, "--ground", infrared).exception)
-    assert "infrared.csv: the ground: the readings'" in said
-    assert "no three bands in common" in said
+    infrared = flat(tmp_path / "infrared.csv", grid=(900, 1000, 1100))
+    error = str(run(one, "--ground", infrared).exception)
+    assert "infrared.csv: the ground: the readings'" in error
+    assert "no three bands in common" in error
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
-    named = tmp_path / "named.csv"
-    write_table(named, NAMES, [["grey sky", *np.full(GRID.size, 0.4)]])
+    named = flat(tmp_path / "named.csv", name="grey sky")
     assert "'gray sky'; the nearest is grey sky" in str(
         run(named, "--opaque", "--samples", "gray sky").exception
     )
-
-
-def test_a_whole_image_is_told_of_maps_before_it_is_searched(tmp_path, monkeypatch):
-    """Nothing is searched here: the note comes first."""
-    monkeypatch.setattr(importlib.import_module("glazefit.identify.command"), "_MANY", 3)
-    file = tmp_path / "many.csv"
-    rows = [[f"p{n}", *np.full(GRID.size, 0.3 + 0.01 * n)] for n in range(4)]
-    write_table(file, NAMES, rows)
-
-    def stop(*given, **named):
-        raise KeyError("reached")
-
-    monkeypatch.setattr(
-        importlib.import_module("glazefit.identify.identify"), "identify_chunks", stop
-    )
-    result = run(file, "--opaque", "--catalogue", "oils")
-    assert "reached" in str(result.exception)
-    words = " ".join(result.output.split())
-    assert "4 spectra are searched one by one" in words
-    assert "glazejax map" in words
 
 
 @pytest.fixture
@@ -129,14 +113,21 @@ def no_search(monkeypatch):
         sought.append((len(paints), np.shape(spectra), np.shape(ground)))
         raise KeyError("reached")
 
-    module = importlib.import_module("glazefit.identify.identify")
-    monkeypatch.setattr(module, "identify_chunks", answer)
+    monkeypatch.setattr(identify, "identify_chunks", answer)
     return sought
 
 
+def test_a_whole_image_is_told_of_maps_before_it_is_searched(table, no_search, monkeypatch):
+    """Nothing is searched here: the note comes first."""
+    monkeypatch.setattr(command, "_MANY", 3)
+    words = said(run(table, "--opaque", "--catalogue", "oils"))
+    assert len(no_search) == 1
+    assert "8 spectra are searched one by one" in words
+    assert "glazejax map" in words
+
+
 def test_pigments_are_asked_unless_another_catalogue_is_named(tmp_path, no_search):
-    file = tmp_path / "grey.csv"
-    write_table(file, NAMES, [["grey", *np.full(GRID.size, 0.4)]])
+    file = flat(tmp_path / "grey.csv")
     for words in ([], ["--catalogue", "oils"], ["--only", "azurite"], ["--without", "Azurite"]):
         run(file, "--opaque", *words)
     everything, azurites = (
@@ -148,14 +139,12 @@ def test_pigments_are_asked_unless_another_catalogue_is_named(tmp_path, no_searc
 
 
 def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
-    ground, oils = tmp_path / "ground.csv", ["--catalogue", "oils", "--only", "Vermillion"]
-    write_table(ground, ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)])
+    ground = flat(tmp_path / "ground.csv", 0.8, np.arange(390, 721, 10))
     words = []
-    for name, start in (("wide", 360.0), ("infrared", 722.0)):
-        file = tmp_path / f"{name}.csv"
-        write_table(file, ["nm", "red"], [[nm, 0.5] for nm in np.arange(start, 1001.0, 2.0)])
-        result = run(file, "--ground", ground, *oils)
-        words.append(" ".join(result.output.split()) + str(result.exception))
+    for start in (360, 722):
+        file = flat(tmp_path / f"{start}.csv", 0.5, np.arange(start, 1001, 2))
+        result = run(file, "--ground", ground, "--catalogue", "oils", "--only", "Vermillion")
+        words.append(said(result) + str(result.exception))
     assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in words[0]
     assert "151 bands averaged to steps of 10 nm" in words[0]
     assert (
@@ -168,11 +157,11 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
 
 
 def test_readings_of_families_are_cut_where_the_ground_ends(tmp_path, no_search):
-    ground, file = tmp_path / "ground.csv", tmp_path / "red.csv"
-    write_table(ground, ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(420.0, 701.0, 10.0)])
-    write_table(file, ["nm", "red"], [[nm, 0.5] for nm in np.arange(380.0, 781.0, 2.0)])
-    words = " ".join(run(file, "--ground", ground).output.split())
-    assert "cropped to 420-700 nm step 2 (141 bands): the ground is known there only" in words
+    ground = flat(tmp_path / "ground.csv", 0.8, np.arange(420, 701, 10))
+    file = flat(tmp_path / "red.csv", 0.5, np.arange(380, 781, 2))
+    assert "cropped to 420-700 nm step 2 (141 bands): the ground is known there only" in said(
+        run(file, "--ground", ground)
+    )
     ((_, read, below),) = no_search
     assert read[-1] == below[-1] == 141
 
@@ -187,9 +176,8 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
     ]
     text = "\n".join(",".join(row) for row in (header, *both))
     searches = []
-    module = importlib.import_module("glazefit.identify.command")
     monkeypatch.setattr(
-        module, "_identify", lambda typed, films, *_: searches.append((typed["catalogue"], films))
+        command, "_identify", lambda typed, films, *_: searches.append((typed["catalogue"], films))
     )
     end, start = os.pipe()
     with os.fdopen(start, "w") as pipe:
@@ -197,7 +185,7 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
     result = run(f"/dev/fd/{end}")
     os.close(end)
     assert result.exit_code == 0, result.output
-    assert "with the specular component included (SCI) are used" in " ".join(result.output.split())
+    assert "with the specular component included (SCI) are used" in said(result)
     assert [catalogue for catalogue, _ in searches] == ["pigments", "oils"]
     read = read_films(table)
     for _, films in searches:
@@ -264,9 +252,8 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
 
 @pytest.mark.slow
 def test_a_report_is_filed(table, tmp_path):
-    page, ground = tmp_path / "report.html", tmp_path / "ground.csv"
+    page, ground = tmp_path / "report.html", flat(tmp_path / "ground.csv", 0.8)
     paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
-    write_table(ground, NAMES, [["card", *np.full(GRID.size, 0.8)]])
     options = f"--ground {ground} --catalogue oils --max-paints 2 --report {page}".split()
     options += ["--only", "Vermillion,ZincWhite,CobaltBlue", "--inventory", "A-1", "--spot", "sky"]
     options += ["--object", "A <panel>"]
@@ -274,7 +261,7 @@ def test_a_report_is_filed(table, tmp_path):
     options += ["--csv", paths[0], "--residuals", paths[1], "--out", paths[2]]
     result = run(table, "--samples", "red_ow,tint_ow", *options)
     assert result.exit_code == 0, result.output
-    assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
+    assert f"Wrote the report to {page}" in said(result).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
     assert list(filed["subject"].values()) == ["A <panel>", "A-1", "sky", "N. N."]
