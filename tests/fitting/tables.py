@@ -1,5 +1,6 @@
-"""Films as the tables that commands read."""
+"""Films as the tables that commands read, and the tables that they write."""
 
+import csv
 from pathlib import Path
 
 from glazefit import Films
@@ -23,3 +24,9 @@ def write_films(path: Path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0
             rows.append([f"{name}_{end}" if end else name, *values])
     path.write_text("\n".join(",".join(row) for row in rows) + "\n")
     return path
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows by their titles."""
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
