@@ -15,7 +15,7 @@ from glazejax.io import write_table
 from tests.commands import invoke
 
 from .palette import optical_depths
-from .tables import write_films
+from .tables import read_rows, write_films
 
 GRID = np.arange(400.0, 701.0, 10.0)
 run = partial(invoke, "identify")
@@ -212,7 +212,7 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     assert "read without the near infrared" in result.output
     assert "--catalogue oils asks for films" in asked[0]
     assert "--catalogue pigments asks" in asked[1]
-    first = next(csv.DictReader(file.open()))
+    first = read_rows(file)[0]
     assert first["families"] == "vermilion"
     assert first["nearest_exemplars"].startswith("vermilion/")
     assert " of " in first["right_in_tests"]
@@ -244,10 +244,9 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     known = [value is not None for value in first["explanations"][0]["fitted"][0]]
     assert any(known)
     assert len(known) == len(record["measurement"]["wavelengths_nm"])
-    with (tmp_path / "report.csv").open() as lines:
-        rows = list(csv.DictReader(lines))
-    assert rows[0]["right_in_tests"] == f"{right} of {answers}"
-    assert float(rows[0]["probability"]) == pytest.approx(first["families"][0]["probability"])
+    row = read_rows(tmp_path / "report.csv")[0]
+    assert row["right_in_tests"] == f"{right} of {answers}"
+    assert float(row["probability"]) == pytest.approx(first["families"][0]["probability"])
 
 
 @pytest.mark.slow
@@ -284,11 +283,9 @@ def test_a_report_is_filed(table, tmp_path):
     assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
     assert "tint_ow" in page.read_text(encoding="utf-8")
     assert "Most probable" in result.output
-    with paths[0].open() as file:
-        first = {row["spectrum"]: row for row in csv.DictReader(file) if row["rank"] == "1"}
+    first = {row["spectrum"]: row for row in read_rows(paths[0]) if row["rank"] == "1"}
     assert first["red_ow"]["paint_1"] == "Vermillion"
-    with paths[1].open() as file:
-        residuals = list(csv.DictReader(file))
+    residuals = read_rows(paths[1])
     assert len(residuals) == 2 * GRID.size
     left = float(residuals[0]["measured"]) - float(residuals[0]["fitted"])
     assert left == pytest.approx(float(residuals[0]["residual"]), abs=1e-12)

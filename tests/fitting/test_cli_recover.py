@@ -1,4 +1,3 @@
-import csv
 import functools
 import io
 import re
@@ -16,7 +15,7 @@ from glazefit.recover.settings import Destination, slug
 from glazejax import Pigment
 from glazejax.spectra import ranges
 
-from .tables import write_films
+from .tables import read_rows, write_films
 from .test_joint import RECIPES, painted
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -26,11 +25,6 @@ write = functools.partial(write_films, scale=100.0)
 @pytest.fixture
 def run(command_line):
     return command_line("recover")
-
-
-def read_rows(path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """How far films of right answers are from readings, and what a report by family draws."""
 
-import csv
 import re
 from dataclasses import replace
 
@@ -21,7 +20,9 @@ from glazefit.identify.show.figures import fits_to_draw, plot_axes
 from glazefit.identify.show.page import page
 from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment, catalogue
-from tests.fitting.test_identify_page import ABOUT, Parsed, plots
+
+from .tables import read_rows
+from .test_identify_page import ABOUT, Parsed, plots
 
 GRID = np.arange(420.0, 691.0, 10.0)
 FAMILIES = ("azurite", "vermilion", "malachite", "red ochre", "lead white", "carbon black")
@@ -148,8 +149,7 @@ def test_the_nearest_exemplar_is_of_the_answer(shelf, found):
 
 def test_residuals_are_of_the_film_that_is_drawn(found, tmp_path):
     write_residuals(found, tmp_path / "off.csv")
-    with (tmp_path / "off.csv").open(encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
+    lines = read_rows(tmp_path / "off.csv")
     (film,) = explanations(found, 0, 1)
     fitted = [float(line["fitted at the reading's gloss and brightness"]) for line in lines]
     bands = film.fitted.shape[1]

@@ -3,7 +3,6 @@ from elsewhere.
 """
 
 import base64
-import csv
 import importlib
 import json
 import re
@@ -33,6 +32,7 @@ from ..refusals import refusal
 from ..studio.browser import start_browser
 from .answers import made_up
 from .palette import GRID
+from .tables import read_rows
 
 # `glazefit.identify` is the function too, so that the name alone does not lead there.
 MODULE = importlib.import_module("glazefit.identify.show.page")
@@ -165,7 +165,7 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
     assert (table.name, data.name) == ("report.csv", "report.json")
     filed = json.loads(data.read_text())
     assert filed == record(found)
-    lines = list(csv.DictReader(table.open(encoding="utf-8")))
+    lines = read_rows(table)
     assert len(lines) == 2 * 2 * 2
     assert [["" if cell is None else str(cell) for cell in row] for row in table_rows(filed)] == [
         list(line.values()) for line in lines

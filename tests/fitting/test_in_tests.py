@@ -1,14 +1,14 @@
 """How often answers came true: the counts that ship, and where they are said."""
 
-import csv
-
 import numpy as np
 
 from glazefit.identify.result.in_tests import FILE, came_true, has_infrared
 
+from .tables import read_rows
+
 
 def test_a_stated_probability_finds_the_answers_that_stated_as_much():
-    rows = list(csv.DictReader(FILE.open()))
+    rows = read_rows(FILE)
     for row in rows:
         low, high = float(row["from"]), float(row["to"])
         counts = int(row["right"]), int(row["answers"])

@@ -1,6 +1,5 @@
 """Ladders of coats: k and s of one coat, and the next coat."""
 
-import csv
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from glazejax.geometry import resolve_instrument
 
 from ..refusals import refusal
 from .palette import GRID
+from .tables import read_rows
 
 INSTRUMENT = resolve_instrument("45:0")
 GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
@@ -227,8 +227,7 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
     out, err = run(file, "--out", "res", "--instrument", "45:0")
     assert err == ""
     assert "no length was measured" in out
-    with (tmp_path / "res" / "next_coats.csv").open() as text:
-        coming = list(csv.DictReader(text))
+    coming = read_rows(tmp_path / "res" / "next_coats.csv")
     assert {(row["paint"], row["coats"]) for row in coming} == {
         ("Red", "4"),
         ("Red", "5"),

@@ -2,7 +2,6 @@
 mixture.
 """
 
-import csv
 import dataclasses
 
 import jax.numpy as jnp
@@ -32,7 +31,7 @@ from glazejax import Instrument, Pigment, catalogue, colour
 
 from ..refusals import refusal
 from .palette import GRID, optical_depths
-from .tables import write_films
+from .tables import read_rows, write_films
 
 BETWEEN_FILMS = ModelError()
 
@@ -432,8 +431,7 @@ def test_command_says_how_sure_it_is(run, tmp_path):
     assert "10 µm" in out
     assert "30 µm" in out
     assert "Two mixings of Vermillion+ZincWhite differ by about ΔE00" in out
-    with (tmp_path / "p.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(tmp_path / "p.csv")
     assert {row["film"] for row in rows} == {"10 µm", "30 µm"}
     assert all(
         float(r["lower_90"]) <= float(r["reflectance"]) <= float(r["upper_90"]) for r in rows
