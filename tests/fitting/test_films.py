@@ -1,4 +1,4 @@
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -142,14 +142,14 @@ def test_too_bright_a_card_is_refused(write):
 def test_films_check_what_they_are_given(write):
     films = read_films(write(table()))
     with refusal("over_black of 'A1' at 410 nm is nan"):
-        dataclasses.replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
+        replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
     with refusal("over_white has shape"):
-        dataclasses.replace(films, over_white=np.ones((1, 2)))
+        replace(films, over_white=np.ones((1, 2)))
     # A white card that is as bright as the black one tells no more than one that is darker.
     for white in (films.bare_black, 0.5 * films.bare_black):
         with refusal("'A1' is not brighter than its bare black card"):
-            dataclasses.replace(films, bare_white=white)
-    dataclasses.replace(films, bare_white=1.001 * films.bare_black)
+            replace(films, bare_white=white)
+    replace(films, bare_white=1.001 * films.bare_black)
     twice = np.repeat(films.over_white, 2, axis=0)
     with refusal("two films are called 'A1'"):
         Films(("A1", "A1"), films.wavelengths, twice, twice, twice, twice)

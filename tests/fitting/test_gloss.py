@@ -1,6 +1,6 @@
 """Gloss of films, by readings with the specular part and without it."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def films() -> tuple[Films, Films]:
     surface = Instrument().seen_surface
     seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
     dull = {over: getattr(smooth, over) - surface for over in seen}
-    return dataclasses.replace(smooth, **seen), dataclasses.replace(smooth, **dull)
+    return replace(smooth, **seen), replace(smooth, **dull)
 
 
 def test_the_difference_is_the_gloss(films):
@@ -61,11 +61,11 @@ def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
     [
         (lambda a, b: (b, a), True, "are the files swapped"),
         (
-            lambda a, b: (a, dataclasses.replace(b, names=("x", "y", "z"))),
+            lambda a, b: (a, replace(b, names=("x", "y", "z"))),
             True,
             "no film was read both ways",
         ),
-        (lambda a, b: (a, dataclasses.replace(b, wavelengths=GRID + 1)), True, "on one grid"),
+        (lambda a, b: (a, replace(b, wavelengths=GRID + 1)), True, "on one grid"),
         (lambda a, b: (a, b), False, "leaves the specular part out"),
     ],
 )

@@ -2,8 +2,8 @@
 are plain.
 """
 
-import dataclasses
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,7 +154,7 @@ def test_two_names_of_one_pigment_are_no_doubt():
 
 def test_what_nothing_explains_has_no_such_doubts():
     found = answer([FIRST, THINNED])
-    nothing = dataclasses.replace(found, none=np.array([0.9]))
+    nothing = replace(found, none=np.array([0.9]))
     assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
 
 
@@ -173,11 +173,11 @@ def test_what_the_headline_settled_is_not_called_open():
     assert describe_undecided(found, 0) == (
         "Not settled by this spectrum: LeadWhite (22%), Eosin (22%)."
     )
-    two = dataclasses.replace(found, paints=(*PAINTS[:4], *eosin))
+    two = replace(found, paints=(*PAINTS[:4], *eosin))
     # Vermillion's place is now Eosin1Wax's: a film of that, or of both, is of eosin.
     assert describe_undecided(two, 0) == "Not settled by this spectrum: LeadWhite (22%)."
     # What nothing explains has no headline, and all of it is open.
-    nothing = dataclasses.replace(found, none=np.array([0.9]))
+    nothing = replace(found, none=np.array([0.9]))
     assert "Vermillion (90%)" in describe_undecided(nothing, 0)
 
 
@@ -216,7 +216,7 @@ def test_words_of_an_explanation(fractions, coats, condition, words):
     found = answer([(PAINTS[: len(fractions)], fractions, 0.9, condition, CURVE)])
     laid = np.zeros_like(found.coats)
     laid[0, 0, : len(coats)] = coats
-    (candidate,) = dataclasses.replace(found, coats=laid).ranked(0)
+    (candidate,) = replace(found, coats=laid).ranked(0)
     assert candidate.words == words
     assert candidate.mixture == words.partition(", ")[0]
 
@@ -267,7 +267,7 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
 
 
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
-    found = dataclasses.replace(answer([FIRST]), amounts=np.full((1, 1, 3), np.nan))
+    found = replace(answer([FIRST]), amounts=np.full((1, 1, 3), np.nan))
     assert "nan" not in text_of(found, 1)
 
 

@@ -2,7 +2,7 @@
 matrices.
 """
 
-import dataclasses
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -86,7 +86,7 @@ def small(request):
     if request.param:
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
         assumed[2:4, 1], opaque[5] = True, True
-        films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
+        films = replace(films, assumed=assumed, opaque=opaque)
         told = {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6})
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, paints, *told, 25e-6, expected)
@@ -232,7 +232,7 @@ def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
         model_floor=0.0, model_share=0.0, gloss=0.1, weight_share=0.03, weight_floor=0.0
     )
     said = RECIPES | {"tint": {"CobaltBlue": 10.0 / 1.1, "ZincWhite": 90.0}}
-    result = recover_jointly(dataclasses.replace(films, **over), said, expectations=tight)
+    result = recover_jointly(replace(films, **over), said, expectations=tight)
     gloss = result.unknowns.films[:, 1]
     assert gloss[dull] == gloss.min()
     assert gloss[dull] - gloss[wrong] == pytest.approx(np.log(0.9), abs=0.04)
@@ -277,7 +277,7 @@ def test_bronzing_is_not_taken_for_scattering():
     }
     clean = painted(np.ones(6), recipes)
     bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
-    films = dataclasses.replace(
+    films = replace(
         clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze
     )
 
@@ -355,7 +355,7 @@ def test_a_film_left_out_does_not_matter_and_is_predicted():
     films = painted()
     use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     over_white = np.where(use[:, None] > 0, films.over_white, 0.5)
-    spoilt = dataclasses.replace(films, over_white=over_white)
+    spoilt = replace(films, over_white=over_white)
     first, second = (recover_jointly(f, RECIPES, use=use) for f in (films, spoilt))
     assert_allclose(first.absorption, second.absorption, rtol=1e-6)
     (found,) = predict_films(first, films.select(["half"]), RECIPES)

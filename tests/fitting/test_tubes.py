@@ -2,7 +2,7 @@
 gauges, own files.
 """
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -201,9 +201,7 @@ def test_film_by_film_at_45_0():
     assert known.mean() > 0.7
     assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
     with refusal("fit jointly"):
-        recover_films(
-            dataclasses.replace(films, seen=np.array([[True, False]])), instrument=instrument
-        )
+        recover_films(replace(films, seen=np.array([[True, False]])), instrument=instrument)
 
 
 def fitted(films, instrument=INSTRUMENT, **given):
@@ -237,9 +235,7 @@ def test_readings_that_are_not_there_do_not_matter():
     seen = np.array([[True, True], [False, True]])
     first, second = (
         fitted(
-            dataclasses.replace(
-                films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, lost)
-            ),
+            replace(films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, lost)),
             pigments=KNOWN,
         )
         for lost in (films.over_white, 0.9)
@@ -250,7 +246,7 @@ def test_readings_that_are_not_there_do_not_matter():
 
 def test_opaque_films_tell_k_over_s():
     films = painted((60.0, 60.0))
-    hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
+    hidden = replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
     found = fitted(hidden, pigments=KNOWN)
     ratio = found.absorption[0] / found.scattering[0]
     assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
@@ -294,7 +290,7 @@ def test_a_card_that_was_not_measured_is_fitted():
     black, pale = usual_cards(GRID)
     brighter = pale * 1.5 / (1 - pale + pale * 1.5)
     bare = {"bare_black": np.tile(black, (2, 1)), "bare_white": np.tile(brighter, (2, 1))}
-    assumed = dataclasses.replace(films, **bare, assumed=np.ones((2, 2), bool))
+    assumed = replace(films, **bare, assumed=np.ones((2, 2), bool))
     found = fitted(assumed, pigments={"White": white(size=0.01)})
     level = found.unknowns.others[-2] * 0.5
     assert level == pytest.approx(-np.log(1.5), abs=0.25)
@@ -330,7 +326,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
 
     # Another paint goes beside them; their lines stay, with nought in the columns that are new.
     before = path.read_text().splitlines()
-    films = dataclasses.replace(painted(seed=5), names=("Sky", "Sky 1:10 White"))
+    films = replace(painted(seed=5), names=("Sky", "Sky 1:10 White"))
     recipes = recipes_from_names(films.names, {})
     sky = recover_jointly(films, recipes, noise=Noise(), pigments={"White": mine["White"]})
     assert add_paints(sky, path) == ("Sky",)
@@ -358,12 +354,10 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     short = mine["White"].resample(GRID[2:])
     for paint in (twice, other, short):
         with refusal("has another 'White' than the fit used: give the fit the file's own"):
-            add_paints(
-                dataclasses.replace(sky, known_paints={"White": paint}), path, overwrite=True
-            )
+            add_paints(replace(sky, known_paints={"White": paint}), path, overwrite=True)
     assert path.read_text() == whole
     # A copy of the same paint is the same.
-    copy = dataclasses.replace(sky, known_paints={"White": again["White"]})
+    copy = replace(sky, known_paints={"White": again["White"]})
     assert add_paints(copy, path, overwrite=True) == ("Sky",)
     assert list(catalogue.read(path)) == ["Blue", "White", "Sky"]
     assert not list(tmp_path.glob("*.part"))

@@ -2,7 +2,7 @@
 mixture.
 """
 
-import dataclasses
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -58,7 +58,7 @@ def painted(paints, recipe, strength, thickness, names=None, noise=None):
 
 def over_white(films, **changes):
     """Of one film only what was read over white."""
-    return dataclasses.replace(films, seen=np.array([[False, True]]), **changes)
+    return replace(films, seen=np.array([[False, True]]), **changes)
 
 
 def calibrate(paints, films, **how):
@@ -293,7 +293,7 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     """Four filters of a camera: the strength that they tell holds between them."""
     films = painted(paints, TINT, 0.6, [20e-6], noise=Noise())
     few = [2, 6, 10, 13]
-    read = dataclasses.replace(
+    read = replace(
         films,
         wavelengths=GRID[few],
         **{what: getattr(films, what)[:, few] for what in SPECTRA},
@@ -335,7 +335,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
     """And with it films are known about as well as was foretold."""
     films = painted(paints, TINT, 0.8, [20e-6])
     white, both = (
-        calibrate_mixture(paints, TINT, dataclasses.replace(films, seen=np.array([seen])))
+        calibrate_mixture(paints, TINT, replace(films, seen=np.array([seen])))
         for seen in ([False, True], [True, True])
     )
     length = [20e-6]
@@ -347,7 +347,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
     assert not any("over white" in film.film and "same" in film.film for film in further.films)
     known = rank_next_readings(both, length).now
     assert expected[0] == pytest.approx(known, rel=0.5)
-    hides = dataclasses.replace(films, opaque=np.array([True]))
+    hides = replace(films, opaque=np.array([True]))
     opaque = rank_next_readings(calibrate_mixture(paints, TINT, hides), length)
     assert {film.film for film in opaque.films} == {
         f"a film {words} as thick over black and white" for words in ("half", "twice")
