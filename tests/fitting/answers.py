@@ -11,24 +11,28 @@ from glazefit.identify.search.task import Measured
 
 
 def made_up(
-    measured: Measured, paints: Sequence[str], sets: Sequence[tuple], fitted: Any, **changed: Any
+    measured: Measured,
+    paints: Sequence[str],
+    sets: Sequence[tuple[dict[str, float], float]],
+    fitted: Any,
+    **changed: Any,
 ) -> Identification:
     """Of each spectrum the same sets of paints.
 
     Args:
-        sets: of each its paints, the amount of each in m, and its probability.
+        sets: of each the amount of each paint in m, and its probability.
         fitted: readings of each set.
         changed: other fields; all of usual size or nought without them.
     """
     shape = len(measured), len(sets)
     members, amounts = np.full((*shape, 3), NOBODY), np.zeros((*shape, 3))
     present = np.zeros((len(measured), len(paints)))
-    for n, (names, thickness, probability) in enumerate(sets):
-        rows = [paints.index(name) for name in names]
+    for n, (thickness, probability) in enumerate(sets):
+        rows = [paints.index(name) for name in thickness]
         members[:, n, : len(rows)] = rows
-        amounts[:, n, : len(rows)] = thickness
+        amounts[:, n, : len(rows)] = [*thickness.values()]
         present[:, rows] += probability
-    chances = np.tile([float(probability) for *_, probability in sets], (len(measured), 1))
+    chances = np.tile([probability for _, probability in sets], (len(measured), 1))
     usual: dict[str, Any] = dict(
         coats=np.zeros_like(members),
         log_covariance=np.zeros((*shape, 3, 3)),

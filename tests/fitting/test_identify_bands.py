@@ -46,23 +46,24 @@ NEAT = ModelError(
     share=0.0,
     haze=0.0,
 )
+TINT, THICKNESS = {"White": 0.9, "Red": 0.1}, 30e-6
+"""Shares of its paints, and how thick it is where nothing else is said, m."""
+ROWS = [NAMES.index(name) for name in TINT]
 
 
-def film(parts: dict[str, float], thickness: float) -> np.ndarray:
-    """Readings over both grounds, by the forward package."""
-    medium = Mixture([PAINTS[NAMES.index(name)] for name in parts], list(parts.values()))
+def film(thickness: float = THICKNESS) -> np.ndarray:
+    """Readings of the tint over both grounds, by the forward package."""
+    medium = Mixture([PAINTS[row] for row in ROWS], list(TINT.values()))
     return np.asarray(reflectance(Glaze([Layer(medium, thickness)], GROUNDS), SPHERE))
 
 
-def explained(
-    readings: np.ndarray, members: list[str], fractions: list[float], thickness: float
-) -> Identification:
-    """An identification that gives every spectrum this one explanation."""
+def explained(readings: np.ndarray) -> Identification:
+    """An identification that explains every spectrum by the tint."""
     return made_up(
         check_spectra(GRID, readings, GROUNDS, None, Noise()),
         NAMES,
-        [(members, thickness * np.array(fractions), 0.9)],
-        film(dict(zip(members, fractions, strict=True)), thickness),
+        [({name: THICKNESS * share for name, share in TINT.items()}, 0.9)],
+        film(),
     )
 
 
@@ -81,11 +82,9 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, flo
     """Covariance less what generalised least squares explains, with slopes by finite
     differences.
     """
-    thickness, amounts = 30e-6, np.array([0.9, 0.1])
-    spectra = film({"White": 0.9, "Red": 0.1}, thickness)[None]
-    found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
-    rows = [NAMES.index(name) for name in ("White", "Red")]
-    k, s = optical_depths([PAINTS[row] for row in rows], thickness * np.eye(2))
+    amounts = np.array([*TINT.values()])
+    found = explained(film()[None])
+    k, s = optical_depths([PAINTS[row] for row in ROWS], THICKNESS * np.eye(2))
     response = film_response(SPHERE)
     body = jax.jit(lambda *film: response.body(*film))
 
@@ -95,7 +94,7 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, flo
 
     steps = 1e-4 * np.eye(4)
     slopes = np.stack([read(step) - read(-step) for step in steps], axis=-1) / 2e-4
-    stated = np.tile(STATED[rows].swapaxes(0, 1).reshape(4, -1), 2).T
+    stated = np.tile(STATED[ROWS].swapaxes(0, 1).reshape(4, -1), 2).T
     alike = np.tile(smooth_kernel(GRID, NEAT.coefficient_length), (2, 2))
     covariance = np.diag(found.measured.noise_sd.ravel() ** 2)
     covariance += errors.get("level", 0.0) ** 2 * slopes @ slopes.T
@@ -112,8 +111,7 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, flo
 
 
 def test_bands_hold_the_errors_that_are_stated():
-    spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
-    found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)
+    found = explained(film()[None])
 
     def mean(**changed) -> float:
         return float(bands(found, ModelError(**{"most": 0.05, **changed})).mean())
@@ -127,9 +125,7 @@ def test_bands_hold_the_errors_that_are_stated():
 
 def test_bands_of_many_spectra_are_those_of_each():
     """They are computed some spectra at a time."""
-    spectra = np.stack([film({"Red": 0.1, "White": 0.9}, depth) for depth in (20e-6, 40e-6)])
-    many = explained(
-        np.resize(spectra, (70, *spectra.shape[1:])), ["White", "Red"], [0.9, 0.1], 30e-6
-    )
+    spectra = np.stack([film(20e-6), film(40e-6)])
+    many = explained(np.resize(spectra, (70, *spectra.shape[1:])))
     one = bands(many.take(np.array([69])), NEAT)
     assert_allclose(bands(many, NEAT)[69:], one, rtol=1e-6)
