@@ -29,21 +29,20 @@ PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate", "Eosin", "Ve
 CURVE = np.linspace(0.3, 0.6, GRID.size)
 
 
-def answer(candidates, covariance=0.04) -> Identification:
-    """An identification of one spectrum from (paints, fractions, probability, condition,
-    fitted).
-    """
-    sets = [
-        (paints, np.asarray(fractions) * 25e-6, chance)
-        for paints, fractions, chance, *_ in candidates
-    ]
+def film(chance, condition=0, fitted=CURVE, **fractions):
+    """A candidate by its probability, how it lies, what it reads, and the fraction of each paint."""
+    return {paint: 25e-6 * part for paint, part in fractions.items()}, chance, condition, fitted
+
+
+def answer(*candidates, covariance=0.04) -> Identification:
+    """An identification of one spectrum."""
     return made_up(
         check_spectra(GRID, CURVE, 0.5, ["spot"], Noise()),
         PAINTS,
-        sets,
-        np.stack([c[4] for c in candidates])[None, :, None],
-        log_covariance=np.broadcast_to(covariance * np.eye(3), (1, len(sets), 3, 3)),
-        condition=np.array([[c[3] for c in candidates]]),
+        [(amounts, chance) for amounts, chance, *_ in candidates],
+        np.stack([fitted for *_, fitted in candidates])[None, :, None],
+        log_covariance=np.broadcast_to(covariance * np.eye(3), (1, len(candidates), 3, 3)),
+        condition=np.array([[condition for *_, condition, _ in candidates]]),
     )
 
 
@@ -53,8 +52,8 @@ def off_at(bands: slice, size: float) -> np.ndarray:
     return curve
 
 
-FIRST = (("CobaltBlue",), [1.0], 0.8, 0, CURVE)
-THINNED = (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)
+FIRST = film(0.8, CobaltBlue=1.0)
+THINNED = film(0.1, CobaltBlue=0.9, BariumSulphate=0.1)
 
 
 def text_of(found, top):
@@ -64,7 +63,7 @@ def text_of(found, top):
 
 
 def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
-    found = answer([FIRST, THINNED])
+    found = answer(FIRST, THINNED)
     # Log odds of .1 with independent errors of both logs, .2 each, and of both paints' strength.
     odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(2 * (0.04 + STRENGTH**2))
     assert possible_additions(found, 0) == pytest.approx(
@@ -75,14 +74,10 @@ def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
 
 def test_of_many_paints_that_the_film_may_hold_too_the_first_are_named_and_the_others_counted():
     shares = {"LeadWhite": 0.3, "ZincWhite": 0.1, "Eosin": 3e-3, "Vermillion": 2e-3}
-    beside = [
-        (("CobaltBlue", paint), [1 - share, share], 0.03, 0, CURVE)
-        for paint, share in shares.items()
-    ]
-    (said,) = [
-        words for words in describe_ambiguity(answer([FIRST, *beside]), 0) if "hold" in words
-    ]
-    most = [percent(most) for most in possible_additions(answer([FIRST, *beside]), 0).values()]
+    beside = (film(0.03, CobaltBlue=1 - share, **{paint: share}) for paint, share in shares.items())
+    found = answer(FIRST, *beside)
+    (said,) = [words for words in describe_ambiguity(found, 0) if "hold" in words]
+    most = [percent(most) for most in possible_additions(found, 0).values()]
     assert said == (
         f"It may also hold one more paint: up to {most[0]} LeadWhite, up to {most[1]} ZincWhite, "
         "a trace (below 1.0 %) of Eosin, or less of 1 other."
@@ -92,15 +87,15 @@ def test_of_many_paints_that_the_film_may_hold_too_the_first_are_named_and_the_o
 @pytest.mark.parametrize(
     "other",
     [
-        (("ZincWhite", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE),  # without the first's paint
-        (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 1e-4, 0, CURVE),  # hardly possible
-        (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 1, CURVE),  # lies differently
-        (("CobaltBlue", "BariumSulphate"), [0.9999, 0.0001], 0.1, 0, CURVE),  # nothing to speak of
-        (("CobaltBlue", "BariumSulphate", "ZincWhite"), [0.8, 0.1, 0.1], 0.1, 0, CURVE),  # two more
+        film(0.1, ZincWhite=0.9, BariumSulphate=0.1),  # without the first's paint
+        film(1e-4, CobaltBlue=0.9, BariumSulphate=0.1),  # hardly possible
+        film(0.1, 1, CobaltBlue=0.9, BariumSulphate=0.1),  # lies differently
+        film(0.1, CobaltBlue=0.9999, BariumSulphate=0.0001),  # nothing to speak of
+        film(0.1, CobaltBlue=0.8, BariumSulphate=0.1, ZincWhite=0.1),  # two more
     ],
 )
 def test_other_films_do_not_say_what_this_one_may_hold(other):
-    assert possible_additions(answer([FIRST, other]), 0) == {}
+    assert possible_additions(answer(FIRST, other), 0) == {}
 
 
 @pytest.mark.parametrize(
@@ -108,17 +103,16 @@ def test_other_films_do_not_say_what_this_one_may_hold(other):
     [(1, "rests on the varnish"), (3, "rests on the ground"), (6, "rests on the ground")],
 )
 def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
-    far = off_at(slice(None), 0.02)
-    found = answer([FIRST, (("LeadWhite",), [1.0], 0.15, condition, far)])
+    far = CURVE + 0.02
+    found = answer(FIRST, film(0.15, condition, far, LeadWhite=1.0))
     (said,) = evidence_relied_on(found, 0)
     assert words in said
     assert f"{CONDITIONS[condition].words} it is LeadWhite (15%)" in said
     # Of the same pigment nothing rests on it; nor where the other is improbable.
-    same = (("CobaltBlue",), [1.0], 0.15, condition, far)
-    assert evidence_relied_on(answer([FIRST, same]), 0) == []
-    assert (
-        evidence_relied_on(answer([FIRST, (("LeadWhite",), [1.0], 0.05, condition, far)]), 0) == []
-    )
+    same = film(0.15, condition, far, CobaltBlue=1.0)
+    improbable = film(0.05, condition, far, LeadWhite=1.0)
+    for other in (same, improbable):
+        assert evidence_relied_on(answer(FIRST, other), 0) == []
 
 
 @pytest.mark.parametrize(
@@ -135,8 +129,8 @@ def test_an_answer_that_rests_on_an_end_of_the_spectrum_says_so(bands, words):
     other[bands] += 0.03
 
     def relied_on():
-        found = answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)])
-        return evidence_relied_on(found, 0)
+        first, second = film(0.8, 0, own, CobaltBlue=1.0), film(0.1, 0, other, LeadWhite=1.0)
+        return evidence_relied_on(answer(first, second), 0)
 
     (said,) = relied_on()
     assert words in said
@@ -147,13 +141,13 @@ def test_an_answer_that_rests_on_an_end_of_the_spectrum_says_so(bands, words):
 
 
 def test_two_names_of_one_pigment_are_no_doubt():
-    own, other = off_at(slice(10, 20), 0.004), off_at(slice(-3, None), 0.03)
-    found = answer([(*FIRST[:4], own), (("CobaltBlue",), [1.0], 0.1, 0, other)])
-    assert evidence_relied_on(found, 0) == []
+    first = film(0.8, 0, off_at(slice(10, 20), 0.004), CobaltBlue=1.0)
+    second = film(0.1, 0, off_at(slice(-3, None), 0.03), CobaltBlue=1.0)
+    assert evidence_relied_on(answer(first, second), 0) == []
 
 
 def test_what_nothing_explains_has_no_such_doubts():
-    found = answer([FIRST, THINNED])
+    found = answer(FIRST, THINNED)
     nothing = replace(found, none=np.array([0.9]))
     assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
 
@@ -164,11 +158,9 @@ def test_what_the_headline_settled_is_not_called_open():
     """
     eosin = "Eosin", "Eosin1Wax"
     found = answer(
-        [
-            (("Vermillion",), [1.0], 0.5, 0, CURVE),
-            (("Vermillion", "Eosin"), [0.9, 0.1], 0.2, 0, CURVE),
-            (("Vermillion", "LeadWhite"), [0.9, 0.1], 0.2, 0, CURVE),
-        ]
+        film(0.5, Vermillion=1.0),
+        film(0.2, Vermillion=0.9, Eosin=0.1),
+        film(0.2, Vermillion=0.9, LeadWhite=0.1),
     )
     assert describe_undecided(found, 0) == (
         "Not settled by this spectrum: LeadWhite (22%), Eosin (22%)."
@@ -182,10 +174,10 @@ def test_what_the_headline_settled_is_not_called_open():
 
 
 def test_shares_that_no_reading_tells_are_not_said():
-    trace = ("LeadWhite", "CobaltBlue"), [0.9998, 0.0002], 0.8, 0, CURVE
-    weak = ("LeadWhite", "CobaltBlue"), [0.992, 0.008], 0.1, 0, CURVE
-    most = ("LeadWhite", "CobaltBlue", "Eosin"), [0.002, 0.0001, 0.9979], 0.1, 0, CURVE
-    found = answer([trace, weak, most], covariance=4.0)
+    trace = film(0.8, LeadWhite=0.9998, CobaltBlue=0.0002)
+    weak = film(0.1, LeadWhite=0.992, CobaltBlue=0.008)
+    most = film(0.1, LeadWhite=0.002, CobaltBlue=0.0001, Eosin=0.9979)
+    found = answer(trace, weak, most, covariance=4.0)
     words = [candidate.words for candidate in found.ranked(0)]
     assert words == [
         "LeadWhite + a trace of CobaltBlue",
@@ -213,7 +205,7 @@ def test_shares_that_no_reading_tells_are_not_said():
     ],
 )
 def test_words_of_an_explanation(fractions, coats, condition, words):
-    found = answer([(PAINTS[: len(fractions)], fractions, 0.9, condition, CURVE)])
+    found = answer(film(0.9, condition, **dict(zip(PAINTS, fractions, strict=False))))
     laid = np.zeros_like(found.coats)
     laid[0, 0, : len(coats)] = coats
     (candidate,) = replace(found, coats=laid).ranked(0)
@@ -224,20 +216,14 @@ def test_words_of_an_explanation(fractions, coats, condition, words):
 # ---- headlines -----------------------------------------------------------------------------------
 
 
-def open_answer():
-    """Lead white is in three sets of .2 each; the most probable set is without it."""
-    return answer(
-        [
-            (("CobaltBlue",), [1.0], 0.25, 0, CURVE),
-            (("LeadWhite",), [1.0], 0.2, 0, CURVE),
-            (("LeadWhite", "BariumSulphate"), [0.9, 0.1], 0.2, 0, CURVE),
-            (("LeadWhite", "ZincWhite"), [0.8, 0.2], 0.2, 0, CURVE),
-        ]
-    )
-
-
 def test_the_headline_names_what_is_probable_over_all_sets():
-    found = open_answer()
+    """Lead white is in three sets of .2 each; the most probable set is without it."""
+    found = answer(
+        film(0.25, CobaltBlue=1.0),
+        film(0.2, LeadWhite=1.0),
+        film(0.2, LeadWhite=0.9, BariumSulphate=0.1),
+        film(0.2, LeadWhite=0.8, ZincWhite=0.2),
+    )
     assert found.likely_paint(0) == ("LeadWhite", pytest.approx(0.6))
     assert found.words(0).startswith(
         "spot: most probably with LeadWhite (60%), but its companion is"
@@ -247,19 +233,15 @@ def test_the_headline_names_what_is_probable_over_all_sets():
 
 
 def test_a_set_that_holds_the_most_probable_paint_is_the_headline():
-    found = answer([FIRST])
+    found = answer(FIRST)
     assert found.likely_paint(0) is None
     assert found.words(0).startswith("spot: CobaltBlue (probability 80%")
 
 
 def test_what_is_not_explained_names_the_film_that_is_nearest():
-    far = off_at(slice(None), 0.2)
-    near = off_at(slice(None), 0.03)
     found = answer(
-        [
-            (("CobaltBlue",), [1.0], 0.05, 0, far),
-            (("LeadWhite",), [1.0], 0.03, 0, near),
-        ]
+        film(0.05, 0, CURVE + 0.2, CobaltBlue=1.0),
+        film(0.03, 0, CURVE + 0.03, LeadWhite=1.0),
     )
     first, second = found.ranked(0)
     assert second.delta_e < first.delta_e
@@ -267,7 +249,7 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
 
 
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
-    found = replace(answer([FIRST]), amounts=np.full((1, 1, 3), np.nan))
+    found = replace(answer(FIRST), amounts=np.full((1, 1, 3), np.nan))
     assert "nan" not in text_of(found, 1)
 
 
