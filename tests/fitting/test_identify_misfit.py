@@ -17,12 +17,11 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
 from glazefit.identify.show.family_record import make_family_record, table_rows
 from glazefit.identify.show.figures import fits_to_draw, plot_axes
-from glazefit.identify.show.page import page
 from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment, catalogue
 
 from .tables import read_rows
-from .test_identify_page import ABOUT, Parsed, plots
+from .test_identify_page import ABOUT, Parsed, html, plots
 
 GRID = np.arange(420.0, 691.0, 10.0)
 FAMILIES = ("azurite", "vermilion", "malachite", "red ochre", "lead white", "carbon black")
@@ -165,7 +164,7 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     about = ABOUT | {"subject": {"inventory": "SK-A-1"}}
     filed = make_family_record(found, about, ("red", "grey"), 5, painted=None, usual=usual)
     assert filed["subject"] == {"inventory": "SK-A-1"}
-    text = "".join(page(filed, "report.csv", "report.json"))
+    text = html(filed)
     seen = Parsed(text)
     assert "<dt>Inventory number</dt><dd>SK-A-1</dd>" in text
     assert len(plots(seen)) == 2
@@ -186,4 +185,4 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     assert rows[0][-1] == " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
     far = {**fits[0], "misfit": 2 * usual.nine_tenths}
     further = {**filed, "spots": [{**spot, "explanations": [far, *fits[1:]]}]}
-    assert "further than is usual" in "".join(page(further, "report.csv", "report.json"))
+    assert "further than is usual" in html(further)

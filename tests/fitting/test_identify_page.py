@@ -111,8 +111,12 @@ def _rows(element: ElementTree.Element) -> list[list[str]]:
     return [["".join(cell.itertext()) for cell in row] for row in element.iter("tr")]
 
 
+def html(filed):
+    return "".join(page(filed, "report.csv", "report.json"))
+
+
 def parsed(filed):
-    return Parsed("".join(page(filed, "report.csv", "report.json")))
+    return Parsed(html(filed))
 
 
 def plots(seen):
@@ -190,7 +194,7 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
 
 def test_names_are_text_and_nothing_comes_from_elsewhere():
     filed = record(replace(identification(), paints=(EVIL, *PAINTS[1:])))
-    text = "".join(page(filed, "report.csv", "report.json"))
+    text = html(filed)
     assert not re.search(r"<script|://|@import|url\((?!#)", text)
     seen = Parsed(text)
     assert {"svg", "figure", "table"} <= {tag for tag, _ in seen.tags}
@@ -267,8 +271,7 @@ def test_who_measured_what_is_said_at_the_head():
     )
     filed = record(identification(), ABOUT | {"subject": subject})
     assert filed["subject"] == {"object": EVIL, "spot": "sky"}
-    text = "".join(page(filed, "report.csv", "report.json"))
-    head = text.partition("</header>")[0]
+    head = html(filed).partition("</header>")[0]
     assert "<dt>Object</dt><dd>&lt;script&gt;" in head
     assert "<dt>Spot</dt><dd>sky</dd>" in head
     assert "Inventory" not in head
