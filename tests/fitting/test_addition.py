@@ -1,21 +1,18 @@
 """What to add to a mixture that was made and read."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from glazefit import Noise
-from glazefit.film.films import SPECTRA
 from glazefit.recipe.addition import next_addition
 from glazefit.recipe.report import in_painters_terms
 from glazefit.recipe.targets import lab_target
 from glazefit.recover.predict.mixture import calibrate_mixture, predict_mixture
 from glazejax import colour
-from tests.fitting.test_variation import GRID, TINT, painted
 
 from ..refusals import refusal
 from .tables import write_films
+from .test_variation import GRID, TINT, at_bands, painted
 
 WHITE_GROUND = 0.9
 
@@ -23,7 +20,7 @@ WHITE_GROUND = 0.9
 @pytest.fixture(scope="module")
 def weak(paints):
     """The mixture of which only six tenths of the colour came through, read over both cards."""
-    return painted(paints, TINT, 0.6, [25e-6], ["mine"], Noise())
+    return painted(paints, 25e-6, strength=0.6, noise=Noise())
 
 
 @pytest.fixture(scope="module")
@@ -143,12 +140,7 @@ def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak):
     """
 
     def grams(bands):
-        read = dataclasses.replace(
-            weak,
-            wavelengths=GRID[bands],
-            **{what: getattr(weak, what)[:, bands] for what in SPECTRA},
-        )
-        file = write_films(tmp_path / f"{len(bands)}.tsv", read)
+        file = write_films(tmp_path / f"{len(bands)}.tsv", at_bands(weak, bands))
         out, err = run(
             *f"--lab 60,45,30 --after {file} --instrument d:8 --batch 20".split(),
             *("--mixed", "10 Vermillion + 90 ZincWhite", "--only", "Vermillion"),

@@ -22,6 +22,7 @@ from glazejax.geometry import resolve_instrument
 from ..refusals import refusal
 from .palette import GRID
 from .tables import read_rows
+from .test_variation import inside
 
 INSTRUMENT = resolve_instrument("45:0")
 GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
@@ -140,8 +141,7 @@ def test_two_coats_foretell_the_third_better_than_the_second_does():
     dark = np.full(GRID.size, 0.2)
     other = predict_next_coat(found, "Blue", 3, dark)
     truth = read_coat(BLUE, 0.1, 3, np.random.default_rng(1), dark)
-    low, high = other.interval(0.99)
-    assert np.mean((truth >= low) & (truth <= high)) > 0.9
+    assert inside(other, truth, 0.99) > 0.9
 
 
 def test_a_further_film_is_as_thick_as_chance_has_it():
@@ -168,11 +168,10 @@ def test_bands_hold_ninety_per_cent_of_truths():
         rows.append(first)
         truths[f"P{number}"] = second[1]
     found = recovered(rows, expected=expected)
-    inside = []
-    for paint, truth in truths.items():
-        low, high = predict_next_coat(found, paint, 2, GROUND).interval()
-        inside.append(np.mean((truth >= low) & (truth <= high)))
-    assert 0.8 < np.mean(inside) < 0.98
+    shares = [
+        inside(predict_next_coat(found, paint, 2, GROUND), truth) for paint, truth in truths.items()
+    ]
+    assert 0.8 < np.mean(shares) < 0.98
 
 
 def test_wrong_films_are_refused():

@@ -36,24 +36,21 @@ from .tables import read_rows, write_films
 BETWEEN_FILMS = ModelError()
 
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
+QUIET = Noise(1e-5, 0)
+SILENT = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
+"""Of a film that says nothing."""
 
 
-def painted(paints, recipe, strength, thickness, names=None, noise=None):
-    """Films of a mixture in which the first paint counts for more than its weight."""
-    first = next(iter(recipe))
-    counted = {
-        name: weight * (strength if name == first else 1.0) for name, weight in recipe.items()
-    }
-    total = sum(recipe.values())
-    amounts = np.outer(thickness, [*counted.values()]) / total
-    k, s = optical_depths([paints[name] for name in counted], amounts)
-    return simulate_films(
-        GRID,
-        k,
-        s,
-        names=names or [f"f{i}" for i in range(len(k))],
-        noise=noise or Noise(1e-5, 0),
-    )
+def painted(paints, *metres, strength=1.0, noise=QUIET):
+    """Films of the tint, so thick each, in which its colour counts for more than its weight."""
+    k, s = optical_depths([paints[name] for name in TINT], np.outer(metres, [0.1 * strength, 0.9]))
+    return simulate_films(GRID, k, s, names=[f"f{n}" for n in range(len(metres))], noise=noise)
+
+
+def at_bands(films, bands):
+    """The same, read in some bands alone."""
+    spectra = {what: getattr(films, what)[:, bands] for what in SPECTRA}
+    return replace(films, wavelengths=GRID[bands], **spectra)
 
 
 def over_white(films, **changes):
@@ -63,6 +60,12 @@ def over_white(films, **changes):
 
 def calibrate(paints, films, **how):
     return calibrate_mixture(paints, TINT, films, noise=Noise(), **how)
+
+
+def inside(prediction, truth, level=0.9):
+    """Share of a truth's readings that lie in the bands of a prediction."""
+    low, high = prediction.interval(level)
+    return np.mean((low <= truth) & (truth <= high))
 
 
 def predict(paints, thickness, **how):
@@ -116,9 +119,8 @@ def test_a_paint_with_one_film_leans_to_all_films():
     """What all films say counts as two of its own: after a film that says nothing it is as all
     are, after one that leaves a single size its weights are (2 all + that size)/3.
     """
-    silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
     sure = SizeEvidence(frozenset({"sure"}), np.where(np.arange(len(SIZES)) == 5, 0, -1e3))
-    found = learn([*evidence(0.1, 12, "calm", np.random.default_rng(3)), silent, sure])
+    found = learn([*evidence(0.1, 12, "calm", np.random.default_rng(3)), SILENT, sure])
     assert_allclose(found.of(["new"]), found.weights, rtol=1e-12)
     assert np.max(np.abs(found.weights - PRIOR)) > 0.05
     expected = (2.0 * found.weights + np.eye(len(SIZES))[5]) / 3.0
@@ -130,8 +132,7 @@ def test_paint_whose_films_are_far_off_is_probably_unsteady():
     found = learn(evidence(0.3, 24, "calm", rng) + evidence(3.0, 4, "wild", rng))
     assert found.unsteady["wild"] > 0.9 > 0.1 > found.unsteady["calm"]
     # A film that says nothing leaves what was expected.
-    silent = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
-    assert learn([silent]).unsteady["new"] == pytest.approx(UNSTEADY)
+    assert learn([SILENT]).unsteady["new"] == pytest.approx(UNSTEADY)
 
 
 def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
@@ -170,7 +171,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
 
 
 def test_one_reading_tells_the_strength(paints):
-    films = painted(paints, TINT, 0.6, [20e-6, 8e-6, 40e-6])
+    films = painted(paints, 20e-6, 8e-6, 40e-6, strength=0.6)
     found = calibrate(paints, films.take([0]))
     assert found.converged
     # How thick the film is comes out on the scale of its paints.
@@ -185,21 +186,18 @@ def test_one_reading_tells_the_strength(paints):
     assert max(off[1]) < 0.3
     for row, (first, then) in enumerate(zip(before, after, strict=True)):
         assert then.expected_error() < 0.5 * first.expected_error()
-        low, high = then.interval(0.98)
-        truth = films.over_cards[row]
-        assert np.mean((low <= truth) & (truth <= high)) > 0.9
+        assert inside(then, films.over_cards[row], 0.98) > 0.9
 
 
 @pytest.mark.slow
 def test_one_card_leaves_the_thickness_open(paints):
     """A film half as strong and a thinner one look alike over white: the bands say so."""
-    films = painted(paints, TINT, 0.6, [20e-6])
+    films = painted(paints, 20e-6, strength=0.6)
     alone = over_white(films)
     wide, narrow = (calibrate(paints, some) for some in (alone, films))
     sd = [found.draws.films[:, 0, 0].std() for found in (wide, narrow)]
     assert sd[0] > 1.3 * sd[1]
-    length = [wide.thickness[0] * UNIT]
-    (found,) = predict(paints, length, calibrated=wide)
+    (found,) = predict(paints, [wide.thickness[0] * UNIT], calibrated=wide)
     off = found.delta_e(films.over_black, films.over_white)[0]
     assert off[1] < 0.1  # the reading itself
     assert off[0] < 3 * found.expected_error()
@@ -207,7 +205,7 @@ def test_one_card_leaves_the_thickness_open(paints):
 
 def test_a_gauge_moves_what_one_card_cannot_tell(paints):
     """The thickness that is said is nearly what is found; the rest is strength."""
-    films = painted(paints, TINT, 1.0, [20e-6])
+    films = painted(paints, 20e-6)
     alone = over_white(films)
     thin, thick = (
         calibrate(paints, alone, gauge=Gauge({"f0": metres}, 0.02, 0.02))
@@ -222,7 +220,7 @@ def test_a_gauge_moves_what_one_card_cannot_tell(paints):
 
 
 def test_films_that_scatter_less_are_known_better(paints):
-    films = painted(paints, TINT, 1.0, [25e-6])
+    films = painted(paints, 25e-6)
     alone = over_white(films)
     sd = [
         calibrate(paints, alone, spread=Spread(thickness)).draws.films[:, 0, 0].std()
@@ -235,7 +233,7 @@ def test_films_that_scatter_less_are_known_better(paints):
 @pytest.mark.slow
 def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
     """A factor of 1.1 at all bands: with a gain it is met far better, and bands are wider by it."""
-    films = painted(paints, TINT, 1.0, [25e-6])
+    films = painted(paints, 25e-6)
     bright = over_white(films, over_white=1.1 * films.over_white)
     tied, free = (calibrate(paints, bright, spread=Spread(0.02, gain)) for gain in (0.0, 0.1))
     met, missed = (np.mean((found.residual / found.residual_sd) ** 2) for found in (free, tied))
@@ -253,7 +251,7 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
     """A film that hides its ground reads the same over both, texture and all: the nearer the more
     alike errors are. A film of another thickness has errors of its own.
     """
-    films = painted(paints, TINT, 1.0, [400e-6])
+    films = painted(paints, 400e-6)
     wave = 1.0 + 0.03 * np.sin(GRID / 10.0)
     rough = over_white(films, over_white=wave * films.over_white)
     gauge = Gauge({films.names[0]: 400e-6})
@@ -282,7 +280,7 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
 
 def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
     """Two films that hide their ground are off alike in each draw, not each by another error."""
-    films = painted(paints, TINT, 1.0, [400e-6])
+    films = painted(paints, 400e-6)
     gauge = Gauge({films.names[0]: 400e-6})
     found = calibrate(paints, films, gauge=gauge)
     thick, thicker = predict(paints, [800e-6, 1600e-6], calibrated=found)
@@ -291,24 +289,16 @@ def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
 
 def test_a_reading_in_a_few_bands_tells_the_others(paints):
     """Four filters of a camera: the strength that they tell holds between them."""
-    films = painted(paints, TINT, 0.6, [20e-6], noise=Noise())
+    films = painted(paints, 20e-6, strength=0.6, noise=Noise())
     few = [2, 6, 10, 13]
-    read = replace(
-        films,
-        wavelengths=GRID[few],
-        **{what: getattr(films, what)[:, few] for what in SPECTRA},
-    )
+    read = at_bands(films, few)
     found = calibrate(paints, read, wavelengths=GRID)
     assert_array_equal(found.wavelengths, GRID)
-    length = [20e-6]
-    (before,) = predict(paints, length)
-    length = [found.thickness[0] * UNIT]
-    (after,) = predict(paints, length, calibrated=found)
+    (before,) = predict(paints, [20e-6])
+    (after,) = predict(paints, [found.thickness[0] * UNIT], calibrated=found)
     off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
     assert off[1] < 0.2 * off[0]
-    low, high = after.interval(0.98)
-    truth = films.over_cards[0]
-    assert np.mean((low <= truth) & (truth <= high)) > 0.9
+    assert inside(after, films.over_cards[0], 0.98) > 0.9
     # What was not read is not fitted.
     assert_array_equal(found.films.over_black[0, few], read.over_black[0])
     assert_array_equal(found.residual[:, :, [0, 1, 3]], 0.0)
@@ -321,7 +311,7 @@ def test_the_film_that_was_read_is_the_yardstick(paints):
     """Over white a stronger and thinner film looks the same: what is known of the product is not
     lost in the bands of that film.
     """
-    films = painted(paints, TINT, 1.0, [25e-6])
+    films = painted(paints, 25e-6)
     found = calibrate(paints, films)
     depth = found.draws.films[:, 0, 0]
     log_s = found.draws.bands[:, :, 1].mean(axis=1)
@@ -333,7 +323,7 @@ def test_the_film_that_was_read_is_the_yardstick(paints):
 
 def test_the_other_card_is_the_reading_that_helps_most(paints):
     """And with it films are known about as well as was foretold."""
-    films = painted(paints, TINT, 0.8, [20e-6])
+    films = painted(paints, 20e-6, strength=0.8)
     white, both = (
         calibrate_mixture(paints, TINT, replace(films, seen=np.array([seen])))
         for seen in ([False, True], [True, True])
@@ -355,7 +345,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
 
 
 def test_a_prediction_without_errors_is_the_film(paints):
-    films = painted(paints, TINT, 1.0, [12e-6])
+    films = painted(paints, 12e-6)
     (found,) = predict(paints, [12e-6])
     assert_allclose(found.reflectance, films.over_cards[0], atol=2e-4)
 
@@ -439,11 +429,11 @@ def test_command_says_how_sure_it_is(run, tmp_path):
 
 
 def test_command_learns_from_a_reading(run, tmp_path, paints):
-    films = painted(paints, TINT, 0.6, [20e-6], ["mine"], Noise())
+    films = painted(paints, 20e-6, strength=0.6, noise=Noise())
     file = write_films(tmp_path / "one.tsv", films)
     out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
     assert err == ""
-    assert "Reading mine: met to" in out
+    assert "Reading f0: met to" in out
     assert "No further reading would improve this much." in out
     assert "is it as stated" not in out
     another, _ = run("10 ChromeYellow + 90 CobaltBlue", "--reading", file)
@@ -458,7 +448,7 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
 
 
 def test_command_refuses_in_one_line(run, tmp_path, paints):
-    two = write_films(tmp_path / "two.tsv", painted(paints, TINT, 1.0, [9e-6, 20e-6]))
+    two = write_films(tmp_path / "two.tsv", painted(paints, 9e-6, 20e-6))
     for words, said in (
         (["10 Vermillion + 90 ZincWhite", "--reading", two], "takes one film, and there are 2"),
         (["10 Vermillion + 90 ZincWhite", "--reading", tmp_path / "no.tsv"], "no.tsv"),
