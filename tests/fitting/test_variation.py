@@ -33,8 +33,6 @@ from ..refusals import refusal
 from .palette import GRID, optical_depths
 from .tables import read_rows, write_films
 
-BETWEEN_FILMS = ModelError()
-
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
 QUIET = Noise(1e-5, 0)
 SILENT = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
@@ -68,8 +66,8 @@ def inside(prediction, truth, level=0.9):
     return np.mean((low <= truth) & (truth <= high))
 
 
-def predict(paints, thickness, **how):
-    return predict_mixture(paints, TINT, thickness, wavelengths=GRID, **how)
+def predict(paints, *metres, **how):
+    return predict_mixture(paints, TINT, metres, wavelengths=GRID, **how)
 
 
 def evidence(size, count, paint, rng):
@@ -155,17 +153,13 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
         total += np.array([np.log(np.asarray(a) / np.asarray(b)) / step for a, b in pairs]) ** 2
     # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in
     # the mixture.
-    each = np.array(
-        [[p.absorption, p.scattering] for p in (paints["Vermillion"], paints["ZincWhite"])]
-    )
+    tint = [paints[name] for name in TINT]
+    each = np.array([[paint.absorption, paint.scattering] for paint in tint])
     part = each * np.array([0.1, 0.9])[:, None, None]
     part = part / part.sum(axis=0)
     film = (0.03 * np.hypot(0.2, 0.2)) ** 2 * np.sum(part**2, axis=0)
     # And what the paints' standard deviations say beyond their modes.
-    film += np.sum(
-        (part * relative_errors([paints["Vermillion"], paints["ZincWhite"]], BETWEEN_FILMS)) ** 2,
-        axis=0,
-    )
+    film += np.sum((part * relative_errors(tint, ModelError())) ** 2, axis=0)
     # Eight shapes hold nearly all of the smooth error.
     assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
 
@@ -176,8 +170,8 @@ def test_one_reading_tells_the_strength(paints):
     assert found.converged
     # How thick the film is comes out on the scale of its paints.
     lengths = np.array([1.0, 0.4, 2.0]) * found.thickness[0] * UNIT
-    before = predict(paints, lengths)
-    after = predict(paints, lengths, calibrated=found)
+    before = predict(paints, *lengths)
+    after = predict(paints, *lengths, calibrated=found)
     off = [
         [p.delta_e(films.over_black[i], films.over_white[i]).mean() for i, p in enumerate(some)]
         for some in (before, after)
@@ -197,7 +191,7 @@ def test_one_card_leaves_the_thickness_open(paints):
     wide, narrow = (calibrate(paints, some) for some in (alone, films))
     sd = [found.draws.films[:, 0, 0].std() for found in (wide, narrow)]
     assert sd[0] > 1.3 * sd[1]
-    (found,) = predict(paints, [wide.thickness[0] * UNIT], calibrated=wide)
+    (found,) = predict(paints, wide.thickness[0] * UNIT, calibrated=wide)
     off = found.delta_e(films.over_black, films.over_white)[0]
     assert off[1] < 0.1  # the reading itself
     assert off[0] < 3 * found.expected_error()
@@ -241,7 +235,7 @@ def test_a_reading_that_is_too_bright_is_gain_as_far_as_films_have_it(paints):
     widths = []
     for found in (tied, free):
         # Another film: its gain is its own.
-        (made,) = predict(paints, [50e-6], calibrated=found)
+        (made,) = predict(paints, 50e-6, calibrated=found)
         low, high = made.interval()
         widths.append(np.mean((high - low) / made.reflectance))
     assert widths[1] > np.hypot(widths[0], 0.2)
@@ -259,12 +253,7 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
     own = float(found.thickness[0]) * UNIT
     off, wide, others = [], [], []
     for alike in (0.0, 0.8, 1.0):
-        same, other = predict(
-            paints,
-            [own, 2.0 * own],
-            calibrated=found,
-            spread=Spread(alike=alike),
-        )
+        same, other = predict(paints, own, 2.0 * own, calibrated=found, spread=Spread(alike=alike))
         off.append(np.abs(same.over_black - wave * films.over_black[0]).mean())
         low, high = same.interval()
         wide.append(np.mean((high - low)[0]))
@@ -283,7 +272,7 @@ def test_errors_of_a_reading_are_one_draw_for_all_thicknesses(paints):
     films = painted(paints, 400e-6)
     gauge = Gauge({films.names[0]: 400e-6})
     found = calibrate(paints, films, gauge=gauge)
-    thick, thicker = predict(paints, [800e-6, 1600e-6], calibrated=found)
+    thick, thicker = predict(paints, 800e-6, 1600e-6, calibrated=found)
     assert_allclose(thick.deviations["paint"], thicker.deviations["paint"], atol=1e-4)
 
 
@@ -294,8 +283,8 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     read = at_bands(films, few)
     found = calibrate(paints, read, wavelengths=GRID)
     assert_array_equal(found.wavelengths, GRID)
-    (before,) = predict(paints, [20e-6])
-    (after,) = predict(paints, [found.thickness[0] * UNIT], calibrated=found)
+    (before,) = predict(paints, 20e-6)
+    (after,) = predict(paints, found.thickness[0] * UNIT, calibrated=found)
     off = [p.delta_e(films.over_black, films.over_white).mean() for p in (before, after)]
     assert off[1] < 0.2 * off[0]
     assert inside(after, films.over_cards[0], 0.98) > 0.9
@@ -346,7 +335,7 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
 
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, 12e-6)
-    (found,) = predict(paints, [12e-6])
+    (found,) = predict(paints, 12e-6)
     assert_allclose(found.reflectance, films.over_cards[0], atol=2e-4)
 
 
