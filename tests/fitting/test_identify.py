@@ -15,13 +15,7 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.identify.search import screen
-from glazejax import (
-    Bidirectional,
-    Glaze,
-    Pigment,
-    catalogue,
-    reflectance,
-)
+from glazejax import Bidirectional, Glaze, Pigment, catalogue, reflectance
 
 from ..refusals import refusal
 from .palette import optical_depths
@@ -65,12 +59,11 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
 
 
 BLIND = 18
-FLAT = (0.0, 0.04, 0.5, 0.97, 1.0)
 
 
 def extremes(paints):
     """Flat readings, blue films from clear to opaque, and a curve that no paint has."""
-    flat = np.array(FLAT)[:, None, None] * np.ones((2, GRID.size))
+    flat = np.array([0.0, 0.04, 0.5, 0.97, 1.0])[:, None, None] * np.ones((2, GRID.size))
     blue = films_of(paints, [{3: 1.0}] * 3, np.array([1e-9, 1e-6, 1e-3]))
     comb = np.clip(0.45 + 0.35 * np.sin(GRID / 12.0), 0, 1) * np.ones((1, 2, 1))
     return np.concatenate([flat, blue, comb])
@@ -86,7 +79,7 @@ def blind(paints):
         recipes.append(
             dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True))
         )
-    thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
+    thickness = UNIT * np.exp(0.4 * rng.standard_normal(BLIND))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=1.0)
     found = identify(
         GRID, np.concatenate([spectra, extremes(paints)]), paints, ground=GROUNDS, keep=300
@@ -94,19 +87,24 @@ def blind(paints):
     return recipes, thickness, found
 
 
+@pytest.fixture(scope="module")
+def found(blind):
+    return blind[-1]
+
+
 def test_paints_are_found_blind(blind):
     recipes, _, found = blind
-    best = [set(members[members >= 0].tolist()) for members in found.members[: len(recipes), 0]]
+    best = [set(members[members >= 0].tolist()) for members in found.members[:BLIND, 0]]
     right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
     assert right > 0.7
     # It is not surer than it is right; less sure, because these films lack the errors of k and s
     # that it counts with.
-    assert found.probability[: len(recipes), 0].mean() < right + 0.1
+    assert found.probability[:BLIND, 0].mean() < right + 0.1
     # Near black three thousandths are a colour that a person would reject, and as much is expected
     # of the model.
-    black = found.measured.readings[: len(recipes)].max(axis=(1, 2)) < 0.06
+    black = found.measured.readings[:BLIND].max(axis=(1, 2)) < 0.06
     assert black.sum() == 1
-    assert found.explained[: len(recipes)][~black].all()
+    assert found.explained[:BLIND][~black].all()
 
 
 def test_fractions_and_thickness_are_found(blind):
@@ -124,15 +122,13 @@ def test_fractions_and_thickness_are_found(blind):
     assert np.median(np.abs(depth)) < 1.5
 
 
-def test_probabilities_and_none_sum_to_one(blind):
-    found = blind[-1]
+def test_probabilities_and_none_sum_to_one(found):
     total = found.probability.sum(axis=1) + found.none
     assert_allclose(total, 1.0, rtol=1e-9)
     assert np.all(np.diff(found.probability, axis=1) <= 1e-12)
 
 
-def test_residuals_are_measured_minus_fitted_and_small(blind):
-    found = blind[-1]
+def test_residuals_are_measured_minus_fitted_and_small(found):
     assert_allclose(
         found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted
     )
@@ -142,9 +138,8 @@ def test_residuals_are_measured_minus_fitted_and_small(blind):
 
 
 @pytest.mark.slow
-def test_what_the_usual_search_saves_changes_little(paints, blind):
+def test_what_the_usual_search_saves_changes_little(paints, found):
     """Beside a search that fits every pair and gives every set errors of its own."""
-    found = blind[-1]
     measured = found.measured.take(np.arange(BLIND))
     full = identify(GRID, measured.readings, paints, ground=GROUNDS, keep=300, thorough=True)
     assert np.array_equal(full.members[:, 0], found.members[:BLIND, 0])
@@ -157,9 +152,9 @@ def test_what_the_usual_search_saves_changes_little(paints, blind):
 
 
 @pytest.mark.slow
-def test_an_answer_does_not_hang_on_what_was_asked_before(paints, blind):
+def test_an_answer_does_not_hang_on_what_was_asked_before(paints, found):
     """Grounds that hardly differ once shared the table of the first one that was asked about."""
-    some = blind[-1].measured.readings[:4]
+    some = found.measured.readings[:4]
     lighter = np.clip(GROUNDS + 0.03, 0.0, 1.0)
     asked_before = identify(GRID, some, paints, ground=lighter)
     screen._TABLES.clear()
@@ -190,14 +185,12 @@ def test_two_equal_paints_share_their_probability(paints):
     assert {found.ranked(0)[0].paints, found.ranked(0)[1].paints} == {("Vermillion",), ("Twin",)}
 
 
-def test_what_no_paint_explains_is_said_so(blind):
-    found = blind[-1]
+def test_what_no_paint_explains_is_said_so(found):
     assert not found.explained[-1]
     assert "nothing in the catalogue explains this" in found.words(len(found) - 1)
 
 
-def test_black_white_clear_and_opaque_give_numbers(blind):
-    found = blind[-1]
+def test_black_white_clear_and_opaque_give_numbers(found):
     for values in (
         found.probability,
         found.none,
@@ -286,8 +279,7 @@ def test_what_is_shown_comes_near_the_reading():
 
 
 @pytest.mark.slow
-def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, blind):
+def test_in_single_precision_a_batch_changes_what_nobody_sees(paints, found):
     """Evidences are good to a thousandth there, and which films are fitted again hangs on them."""
-    found = blind[-1]
     alone = identify(GRID, found.measured.readings[7:8], paints, ground=GROUNDS)
     assert_allclose(alone.probability[0, :5], found.probability[7, :5], atol=1e-4)

@@ -254,14 +254,12 @@ def test_prior_is_what_the_log_probability_says():
     logs = np.linspace(-25, 30, 700)
     grid = np.stack(np.meshgrid(logs, logs, indexing="ij"), axis=-1).reshape(-1, 2)
     one = jax.tree.map(lambda a: a[:1], problem.data)
-    rest = np.asarray(
-        log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000)
-    )[:, 0]
-    data = np.asarray(log_probability(problem.misfit, one, problem.shared, grid[:, None], 20_000))[
-        :, 0
-    ]
+    whole, data = (
+        np.asarray(log_probability(off, one, problem.shared, grid[:, None], 20_000))[:, 0]
+        for off in (problem.residuals, problem.misfit)
+    )
     # Free unknowns are log k/s and log s.
-    density = np.exp(rest - data)
+    density = np.exp(whole - data)
     density /= density.sum()
     draws = problem.prior_draws(np.random.default_rng(3), 100_000)
     for function in (
