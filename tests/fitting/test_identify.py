@@ -140,8 +140,8 @@ def test_residuals_are_measured_minus_fitted_and_small(found):
 @pytest.mark.slow
 def test_what_the_usual_search_saves_changes_little(paints, found):
     """Beside a search that fits every pair and gives every set errors of its own."""
-    measured = found.measured.take(np.arange(BLIND))
-    full = identify(GRID, measured.readings, paints, ground=GROUNDS, keep=300, thorough=True)
+    some = found.measured.readings[:BLIND]
+    full = identify(GRID, some, paints, ground=GROUNDS, keep=300, thorough=True)
     assert np.array_equal(full.members[:, 0], found.members[:BLIND, 0])
     assert np.abs(full.paint_probability - found.paint_probability[:BLIND]).max() < 0.02
     assert np.abs(full.none - found.none[:BLIND]).max() < 0.02
@@ -256,9 +256,8 @@ def test_bad_input_is_one_clear_error(paints):
             "pigments": paints,
             "ground": 0.9,
         } | change
-        spectra, grid, known = (given.pop(what) for what in ("spectra", "wavelengths", "pigments"))
         with refusal(complaint):
-            identify(grid, spectra, known, **given)
+            identify(**given)
 
 
 @pytest.mark.slow

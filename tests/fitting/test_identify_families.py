@@ -619,7 +619,7 @@ def test_anachronisms_are_said():
 def test_what_cannot_be_asked_is_said(others, change, words):
     asked = {"wavelengths": GRID, "spectra": np.full(GRID.size, 0.5), "opaque": True, **change}
     with refusal(words):
-        identify(asked.pop("wavelengths"), asked.pop("spectra"), others, **asked)
+        identify(pigments=others, **asked)
 
 
 def test_too_few_exemplars_are_said(others):

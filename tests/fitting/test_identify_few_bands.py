@@ -1,12 +1,11 @@
 """Spectra of many bands, searched at fewer; and what is made once for a catalogue."""
 
-import importlib
-
 import numpy as np
 import pytest
 
 from glazefit import identify
 from glazefit.film.model.response import film_response
+from glazefit.identify.search import screen, unstated_conditions
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazejax import Hemispherical, Pigment, catalogue
@@ -14,8 +13,6 @@ from glazejax import Hemispherical, Pigment, catalogue
 from ..slow import slow
 from .palette import optical_depths
 
-SCREEN = importlib.import_module("glazefit.identify.search.screen")
-CONDITIONS = importlib.import_module("glazefit.identify.search.unstated_conditions")
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "BoneBlack")
 
 
@@ -56,7 +53,7 @@ def test_paints_are_as_sure_at_fine_bands(bands):
 
 def test_films_are_computed_once_for_a_catalogue_and_an_instrument(monkeypatch):
     find(31)
-    monkeypatch.setattr(SCREEN, "film_table", lambda *given: pytest.fail("made again"))
+    monkeypatch.setattr(screen, "film_table", lambda *given: pytest.fail("made again"))
     find(31)
     with pytest.raises(pytest.fail.Exception, match="made again"):
         find(31, instrument="45:0")
@@ -69,13 +66,13 @@ def test_what_no_paint_reads_under_a_varnish_is_not_sought_under_it(monkeypatch)
     """
     grid, paints = _paints(16)
     sought: list[tuple[str, ...]] = []
-    search = CONDITIONS.find_candidates
+    search = unstated_conditions.find_candidates
 
     def find(task, measured):
         sought.append(measured.names)
         return search(task, measured)
 
-    monkeypatch.setattr(CONDITIONS, "find_candidates", find)
+    monkeypatch.setattr(unstated_conditions, "find_candidates", find)
     yellow = np.linspace(0.12, 0.7, grid.size)
     found = identify(
         grid,

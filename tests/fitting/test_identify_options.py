@@ -1,6 +1,5 @@
 """What `identify` is asked for reaches the search, and changes what it finds as it should."""
 
-import importlib
 from dataclasses import fields
 
 import numpy as np
@@ -19,13 +18,12 @@ from glazefit import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.identify.search.options import IdentificationKeywords
+from glazefit.identify.search.searcher import check_pigments
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .palette import optical_depths
 
-MODULE = importlib.import_module("glazefit.identify.identify")
-SEARCHER = importlib.import_module("glazefit.identify.search.searcher")
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
 
@@ -124,5 +122,5 @@ def test_pigments_carry_their_own_grid():
     pigment = Pigment("x", fine, fine, 2.0 * fine)
     # A catalogue as `glazejax.catalogue.load` gives it, or a list.
     for catalogue_of_one in ([pigment], {"x": pigment}):
-        (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
+        (known,) = check_pigments(catalogue_of_one, GRID)
         assert_allclose(known.absorption, GRID)
