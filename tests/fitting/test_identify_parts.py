@@ -1,7 +1,7 @@
 """The parts of an identification, each against an independent calculation."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -282,19 +282,19 @@ def test_sets_of_a_size_share_what_is_expected_of_it(largest):
     """
     prior = Prior(sizes=(0.5, 0.3, 0.2), extender=0.25)
     extenders = np.array([False, True, False, False, True])
-    task = SimpleNamespace(
+    task: Any = SimpleNamespace(
         prior=prior, max_paints=largest, paint_count=len(extenders), extenders=extenders
     )
     shares = np.array(prior.sizes[:largest]) / sum(prior.sizes[:largest])
     for size in range(1, largest + 1):
         sets = sets_of(len(extenders), size)
-        found = np.exp(log_set_prior(cast(Any, task), sets))
+        found = np.exp(log_set_prior(task, sets))
         hardly = extenders[sets].sum(axis=1) if size > 1 else np.zeros(len(sets))
         assert_allclose(found, shares[size - 1] / len(sets) * 0.25**hardly)
         # Room that no paint fills changes nothing.
         wide = np.pad(sets, ((0, 0), (0, 3 - size)), constant_values=-1)
-        assert_allclose(np.exp(log_set_prior(cast(Any, task), wide)), found)
-    assert np.exp(log_set_prior(cast(Any, task), np.full((1, 3), -1)))[0] == 0
+        assert_allclose(np.exp(log_set_prior(task, wide)), found)
+    assert np.exp(log_set_prior(task, np.full((1, 3), -1)))[0] == 0
 
 
 def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():

@@ -9,9 +9,9 @@ from glazefit import simulate_films
 from glazefit.film.chain_file import Chain
 from glazefit.posterior.chain import Convergence, convergence, count_samples
 from glazejax.io import write_table
-from tests.fitting.test_cli_recover import write
 
 from ..slow import slow
+from .test_cli_recover import write
 
 GRID = np.array([400.0, 550.0, 700.0])
 
