@@ -30,6 +30,11 @@ INSTRUMENT = Instrument()
 ONES = np.ones((1, GRID.size))
 
 
+def log_uniform(rng, low, high, films):
+    """Spectra of films, any order of magnitude as likely, (films, bands)."""
+    return np.exp(rng.uniform(np.log(low), np.log(high), (films, GRID.size)))
+
+
 def recovered(k, s, **told):
     return recover_films(simulate_films(GRID, k, s, names=["x"], **told), **told)
 
@@ -39,8 +44,8 @@ def known():
     """Films of every kind that is not opaque, and what was recovered from their noisy spectra."""
     rng = np.random.default_rng(7)
     count = 24
-    k = np.exp(rng.uniform(np.log(0.003), np.log(2.0), (count, GRID.size)))
-    s = np.exp(rng.uniform(np.log(0.05), np.log(12.0), (count, GRID.size)))
+    k = log_uniform(rng, 0.003, 2.0, count)
+    s = log_uniform(rng, 0.05, 12.0, count)
     films = simulate_films(GRID, k, s, names=[str(i) for i in range(count)], seed=11)
     return k, s, films, recover_films(films)
 
@@ -99,29 +104,18 @@ def test_every_reading_is_met(known):
 
 def test_exact_spectra_give_exact_values():
     rng = np.random.default_rng(3)
-    k = np.exp(rng.uniform(np.log(0.01), np.log(1.0), (4, GRID.size)))
-    s = np.exp(rng.uniform(np.log(0.1), np.log(4.0), (4, GRID.size)))
+    k = log_uniform(rng, 0.01, 1.0, 4)
+    s = log_uniform(rng, 0.1, 4.0, 4)
     # Made by the forward package, which knows neither Films nor the fit.
-    cards = np.array([0.03, 0.92])
-    over, bare = [], []
-    for card in cards:
-        paints = [
-            Glaze([Layer(Pigment("x", GRID, k[i] / 2e-5, s[i] / 2e-5), 2e-5)], card)
-            for i in range(4)
-        ]
-        over.append(
-            np.stack([reflectance(paint, Hemispherical(8.0), tolerance=1e-6) for paint in paints])
-        )
-        bare.append(
-            np.full((4, GRID.size), float(reflectance(Glaze([], card), Hemispherical(8.0))[0]))
-        )
-    films = replace(
-        simulate_films(GRID, k, s, names="abcd"),
-        bare_black=bare[0],
-        bare_white=bare[1],
-        over_black=over[0],
-        over_white=over[1],
-    )
+    seen = Hemispherical(8.0)
+    coats = [Layer(Pigment("x", GRID, k[i] / 2e-5, s[i] / 2e-5), 2e-5) for i in range(4)]
+    spectra = {}
+    for name, card in (("black", 0.03), ("white", 0.92)):
+        over = [reflectance(Glaze([coat], card), seen, tolerance=1e-6) for coat in coats]
+        bare = reflectance(Glaze([], card), seen)
+        spectra[f"over_{name}"] = np.stack(over)
+        spectra[f"bare_{name}"] = np.full((4, GRID.size), float(bare[0]))
+    films = replace(simulate_films(GRID, k, s, names="abcd"), **spectra)
     recovery = recover_films(films)
     use = recovery.identifiable
     assert use.mean() > 0.9
