@@ -16,9 +16,9 @@ from .test_cli_recover import write
 GRID = np.array([400.0, 550.0, 700.0])
 
 
-def film(seed=0):
-    k, s = np.geomspace(0.05, 0.5, GRID.size)[None], np.full((1, GRID.size), 1.0)
-    return simulate_films(GRID, k, s, names=["film"], seed=seed)
+def film():
+    k = np.geomspace(0.05, 0.5, GRID.size)[None]
+    return simulate_films(GRID, k, np.ones_like(k), names=["film"])
 
 
 def white_chain(steps, walkers=16, rho=0.0):

@@ -126,9 +126,10 @@ def test_exact_spectra_give_exact_values():
 
 @pytest.mark.slow
 def test_geometry_matters():
-    film = np.full((1, GRID.size), 0.1), np.full((1, GRID.size), 1.0)
     without = Instrument(Hemispherical(8.0, specular=False))
-    films = simulate_films(GRID, *film, names=["x"], instrument=without, noise=Noise(1e-6, 0.0))
+    films = simulate_films(
+        GRID, 0.1 * ONES, ONES, names=["x"], instrument=without, noise=Noise(1e-6, 0.0)
+    )
     right = recover_films(films, instrument=without, noise=Noise(1e-5, 0.0))
     assert_allclose(right.absorption, 0.1, rtol=1e-2)
     with pytest.raises(ValueError, match="darker than its surface"):
@@ -136,7 +137,7 @@ def test_geometry_matters():
 
 
 def test_opaque_film_is_flagged_and_keeps_its_ratio():
-    k, s = np.full((1, GRID.size), 4.0), np.full((1, GRID.size), 20.0)
+    k, s = 4.0 * ONES, 20.0 * ONES
     # One end of the spectrum can be seen through.
     k[0, 20:], s[0, 20:] = 0.02, 3.0
     recovery = recovered(k, s)
@@ -168,9 +169,8 @@ def test_k_and_s_are_told_apart_as_the_rule_says():
 
 def test_a_film_blacker_than_any_that_is_seen_through_keeps_its_ratio():
     """Its k d is no more than where films hide their ground, and s d goes with it."""
-    k, s = np.where(GRID < 550, 0.5, 250.0)[None], np.full((1, GRID.size), 3.0)
-    quiet = Noise(1e-5, 0.0)
-    recovery = recovered(k, s, noise=quiet)
+    k = np.where(GRID < 550, 0.5, 250.0)[None]
+    recovery = recovered(k, 3.0 * ONES, noise=Noise(1e-5, 0.0))
     black = GRID >= 550
     assert not recovery.identifiable[0, black].any()
     assert_allclose(recovery.absorption[0, black], 100.0)
@@ -185,7 +185,7 @@ def test_clear_film_has_known_small_values():
 
 def test_gloss_only_where_readings_demand_it():
     k = np.geomspace(0.1, 30, GRID.size)[None].repeat(2, axis=0)
-    films = simulate_films(GRID, k, np.full((2, GRID.size), 0.3), names=["matte", "smooth"])
+    films = simulate_films(GRID, k, np.full_like(k, 0.3), names=["matte", "smooth"])
     lost = np.array([[0.4], [0.0]]) * INSTRUMENT.surface
     films = replace(films, over_black=films.over_black - lost, over_white=films.over_white - lost)
     gloss = estimate_gloss(films, INSTRUMENT, Noise())
@@ -200,9 +200,7 @@ def test_gloss_only_where_readings_demand_it():
 
 def test_two_solutions_are_both_starts():
     """The starts of a band hold each local minimum that a dense search finds."""
-    films = simulate_films(
-        GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), names=["x"], noise=Noise(1e-6, 0)
-    )
+    films = simulate_films(GRID, 2.3 * ONES, 0.06 * ONES, names=["x"], noise=Noise(1e-6, 0))
     film, data, shared = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], data)
     nowhere = ScatteringPrior(jnp.zeros(()), jnp.zeros(()))
@@ -219,10 +217,10 @@ def test_chunks_join_to_the_whole(known):
     """With a noise that is told: told nothing, it is taken from all films that are given."""
     _, _, films, _ = known
     some = films.take(slice(0, CHUNK + 3))
-    parts = list(recover_chunks(some, noise=Noise()))
-    assert [len(part) for part in parts] == [CHUNK, 3]
+    whole, rest = recover_chunks(some, noise=Noise())
+    assert (len(whole), len(rest)) == (CHUNK, 3)
     alone = recover_films(films.take(slice(CHUNK, CHUNK + 3)), noise=Noise())
-    assert_allclose(parts[1].absorption, alone.absorption, rtol=1e-6)
+    assert_allclose(rest.absorption, alone.absorption, rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -248,14 +246,9 @@ def test_masstones_of_the_revigo_data_are_reproduced_to_the_noise(shared_data):
 
 @pytest.mark.slow
 def test_compiled_program_calls_no_library_for_linear_algebra():
-    size = 2
-    problem = pose(
-        simulate_films(GRID[:2], *[np.ones((1, 2))] * 2, names=["x"]),
-        np.ones(1),
-        INSTRUMENT,
-        Noise(),
-    )
-    prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
+    films = simulate_films(GRID, ONES, ONES, names=["x"])
+    problem = pose(films, np.ones(1), INSTRUMENT, Noise())
+    prior = ScatteringPrior(jnp.zeros(GRID.size), jnp.zeros(GRID.size))
     # What the compiler is given; it adds no library calls of its own, and compiling again takes
     # long.
     program = solve.jitted.lower(*problem, prior).as_text("hlo")
