@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit import Films, Instrument, Noise, recover_films, simulate_films
-from glazefit.film.films import USUAL_CARD_SD, bare_surface, card_readings, usual_cards
+from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
+from glazefit.film.films import SPECTRA, USUAL_CARD_SD, bare_surface, card_readings, usual_cards
 from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise
 from glazefit.film.partial_films import average, crop, read_loose_films, recipes_from_names, tint
@@ -36,10 +36,11 @@ def modes_of(pigment):
     return np.asarray(pigment.error_modes)
 
 
-def white(size=0.05):
+def white(size=0.05, strength=1.0):
     """The white of the films in 1/m, with one error mode: its strength."""
+    k, s = strength * PALE / UNIT
     modes = np.full((1, 2, GRID.size), size)
-    return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance="mine")
+    return Pigment("White", GRID, k, s, error_modes=modes, provenance="mine")
 
 
 KNOWN = {"White": white()}
@@ -55,41 +56,41 @@ def painted(thickness=(1.3, 0.8), instrument=INSTRUMENT, seed=1):
 
 
 def test_a_whole_table_reads_as_before(tmp_path):
-    from glazefit import read_films
-
     path = write_films(tmp_path / "films.csv", painted(), scale=100.0)
     loose, strict = read_loose_films(path), read_films(path)
     assert loose.complete
-    for what in ("bare_black", "bare_white", "over_black", "over_white"):
+    for what in SPECTRA:
         assert_array_equal(getattr(loose, what), getattr(strict, what))
     assert (loose.names, loose.notes) == (strict.names, strict.notes)
 
 
 def test_rows_that_are_not_there(tmp_path):
     films = painted()
-    one = read_loose_films(write_films(tmp_path / "one.csv", films, ends=("w", "ow")))
+
+    def read(*ends):
+        return read_loose_films(write_films(tmp_path / "films.csv", films, ends))
+
+    one = read("w", "ow")
     assert one.seen.tolist() == [[False, True]] * 2
     assert not one.assumed[:, 1].any()
     assert not any("not measured" in note for note in one.notes)
     assert_array_equal(one.over_black, one.over_white)
 
-    bare = read_loose_films(write_films(tmp_path / "bare.csv", films, ends=("ob", "ow")))
+    bare = read("ob", "ow")
     assert bare.assumed.all()
     assert any("the black and the white card was not measured" in note for note in bare.notes)
     measured = card_readings(bare, INSTRUMENT, Noise())
     assert_array_equal(measured.ground[0, :, 0], usual_cards(GRID)[0])
     assert_array_equal(measured.ground_sd[..., 1], USUAL_CARD_SD[1])
 
-    opaque = read_loose_films(write_films(tmp_path / "opaque.csv", films, ends=("",)))
+    opaque = read("")
     assert opaque.opaque.all()
     assert any("taken to hide whatever is below" in note for note in opaque.notes)
 
     path = write_films(tmp_path / "shared.csv", films, ends=("ob", "ow"))
-    card = [
-        "card_" + end + "," + ",".join(f"{v:.6f}" for v in values[0])
-        for end, values in (("b", films.bare_black), ("w", films.bare_white))
-    ]
-    path.write_text(path.read_text() + "\n".join(card) + "\n")
+    card = replace(films.take([0]), names=("card",))
+    _, _, rows = write_films(tmp_path / "card.csv", card, ("b", "w")).read_text().partition("\n")
+    path.write_text(path.read_text() + rows)
     shared = read_loose_films(path)
     assert shared.complete
     assert_allclose(shared.bare_white[1], films.bare_white[0], atol=1e-6)
@@ -126,15 +127,15 @@ def test_films_are_called_by_what_is_in_them():
 def test_fine_grids_are_averaged_and_cropped_with_a_word():
     films = painted()
     fine = np.arange(350.0, 2501.0)
-    arrays = [
-        np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
-        for what in ("bare_black", "bare_white", "over_black", "over_white")
-    ]
-    wide = Films(NAMES, fine, arrays[0], arrays[1], arrays[2], arrays[3])
+    spectra = {
+        what: np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
+        for what in SPECTRA
+    }
+    wide = replace(films, wavelengths=fine, **spectra)
     less = average(wide)
     assert less.wavelengths.size == 431
     assert_allclose(np.diff(less.wavelengths)[1:-1], 5.0)
-    assert_allclose(less.over_white[0, 10], arrays[3][0, 48:53].mean())
+    assert_allclose(less.over_white[0, 10], wide.over_white[0, 48:53].mean())
     assert less.notes == ("2151 bands averaged to steps of 5 nm",)
     near = crop(less, 400.0, 700.0, "the white is known there only")
     assert (near.wavelengths[0], near.wavelengths[-1]) == (400.0, 700.0)
@@ -156,21 +157,20 @@ def test_noise_is_told_from_roughness(floor, share):
             for a, b in ((3, 590), (1, 450), (5, 520), (0.3, 640))
         ]
     )
-    films = simulate_films(
-        grid, k, np.ones_like(k), names="abcd", noise=Noise(floor, share), seed=2
-    )
-    found = estimate_noise(films)
-    for end in (0.05, 0.9):
-        assert float(found.sd(np.asarray(end))) == pytest.approx(floor + share * end, rel=0.35)
+
+    def estimated(noise, step=1):
+        some = k[:, ::step]
+        films = simulate_films(
+            grid[::step], some, np.ones_like(some), names="abcd", noise=noise, seed=2
+        )
+        return estimate_noise(films)
+
+    ends = np.array([0.05, 0.9])
+    assert estimated(Noise(floor, share)).sd(ends) == pytest.approx(floor + share * ends, rel=0.35)
     # A quiet instrument is taken for a usual one, and coarse spectra say nothing of noise.
-    quiet = simulate_films(grid, k, np.ones_like(k), names="abcd", noise=Noise(1e-5, 0.0))
-    assert float(estimate_noise(quiet).sd(np.asarray(0.9))) == pytest.approx(
-        float(Noise().sd(np.asarray(0.9))), rel=0.1
-    )
-    coarse = simulate_films(
-        grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), names="abcd", noise=Noise(floor, share)
-    )
-    assert estimate_noise(coarse) == Noise()
+    quiet = estimated(Noise(1e-5, 0.0))
+    assert quiet.sd(ends[1:]) == pytest.approx(Noise().sd(ends[1:]), rel=0.1)
+    assert estimated(Noise(floor, share), 3) == Noise()
 
 
 def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
@@ -222,8 +222,8 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     # The scale is the white's: thicknesses come out as they are, not as typical ones.
     assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
     # A white twice as strong makes the films half as thick and the paint as strong.
-    twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
-    other = fitted(painted(instrument=instrument), instrument, pigments={"White": twice})
+    twice = {"White": white(strength=2.0)}
+    other = fitted(painted(instrument=instrument), instrument, pigments=twice)
     assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
     # Neither need be the usual one.
     thin = fitted(painted((0.3, 0.2), instrument), instrument, pigments=KNOWN)
@@ -264,24 +264,24 @@ def test_a_gauge_sets_the_scale():
     # k and s share the gauge's error.
     wrong = fitted(films, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
-    expected = Expectations(thickness=0.3)
-    constraints = gather_constraints(films, ("Blue", "White"), {}, gauge, 100e-6, expected)
-    assert_allclose(constraints.arrays["film_mean"], np.log([1.3, 0.8]))
-    assert_allclose(constraints.thickness_sd, 0.1)
+
+    def constraints(known=None, gauge=None, unit=UNIT):
+        expected = Expectations(thickness=0.3)
+        return gather_constraints(films, ("Blue", "White"), known or {}, gauge, unit, expected)
+
+    by_gauge = constraints(gauge=gauge, unit=100e-6)
+    assert_allclose(by_gauge.arrays["film_mean"], np.log([1.3, 0.8]))
+    assert_allclose(by_gauge.thickness_sd, 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
-    on_white = gather_constraints(films, ("Blue", "White"), KNOWN, None, UNIT, expected)
-    assert_array_equal(on_white.arrays["thickness_modes"][-1], 1.0)
-    alone = gather_constraints(films, ("Blue", "White"), {}, None, UNIT, expected)
-    assert len(alone.arrays["thickness_modes"]) == 0
+    assert_array_equal(constraints(KNOWN).arrays["thickness_modes"][-1], 1.0)
+    assert len(constraints().arrays["thickness_modes"]) == 0
     with refusal("no film is called 'Red'"):
-        gather_constraints(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, expected)
+        constraints(gauge=Gauge({"Red": 1e-4}))
     with refusal("the thickness of 'Red' is 1 m"):
         Gauge({"Red": 1.0})
     with refusal("does not cover the films'"):
-        gather_constraints(
-            films, ("White",), {"White": white().resample(GRID[2:])}, None, UNIT, expected
-        )
+        constraints({"White": white().resample(GRID[2:])})
 
 
 def test_a_card_that_was_not_measured_is_fitted():
