@@ -20,30 +20,28 @@ ROWS = {
 }
 
 
-def table(rows=None, scale=1.0, separator=",", film="A1"):
-    rows = ROWS if rows is None else rows
+def table(rows=ROWS, scale=1.0, separator=","):
     lines = [separator.join(["Name", "400", "410", "420"])]
     lines += [
-        separator.join([f"{film}_{end}", *(f"{v * scale:g}" for v in row)])
-        for end, row in rows.items()
+        separator.join([f"A1_{end}", *(f"{v * scale:g}" for v in row)]) for end, row in rows.items()
     ]
     return "\n".join(lines) + "\n"
 
 
 @pytest.fixture
-def write(tmp_path):
-    def put(text):
+def read(tmp_path):
+    def read_text(text):
         path = tmp_path / "films.csv"
         path.write_text(text)
-        return path
+        return read_films(path)
 
-    return put
+    return read_text
 
 
 @pytest.mark.parametrize("separator", [",", "\t", ";"])
 @pytest.mark.parametrize("scale", [1.0, 0.01])
-def test_percent_and_fraction_in_any_table_read_the_same(write, separator, scale):
-    films = read_films(write(table(scale=scale, separator=separator)))
+def test_percent_and_fraction_in_any_table_read_the_same(read, separator, scale):
+    films = read(table(scale=scale, separator=separator))
     assert films.names == ("A1",)
     assert_allclose(films.over_white, [[0.30, 0.35, 0.40]])
     assert_allclose(films.bare_black, 0.05)
@@ -72,10 +70,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_bad_tables_are_refused_in_one_line(write, what):
+def test_bad_tables_are_refused_in_one_line(read, what):
     text, message = BAD[what]
     with refusal(message):
-        read_films(write(text))
+        read(text)
 
 
 def test_recipes(tmp_path):
@@ -124,23 +122,23 @@ def test_cards_obey_saunderson(specular, n):
     assert_allclose(slope, (above - below) / (2 * step), rtol=1e-5)
 
 
-def test_card_without_specular_part_is_explained(write):
-    films = read_films(write(table(ROWS | {"b": [1.0, 1.0, 1.0]}, scale=0.01)))
+def test_card_without_specular_part_is_explained(read):
+    films = read(table(ROWS | {"b": [1.0, 1.0, 1.0]}, scale=0.01))
     with refusal(r"bare black card of 'A1' reads 0.0100 at 400 nm.*specular"):
         card_readings(films, Instrument(), Noise())
     without = Instrument(Hemispherical(8.0, specular=False))
     assert card_readings(films, without, Noise()).ground[..., 0].max() < 0.05
 
 
-def test_too_bright_a_card_is_refused(write):
-    films = read_films(write(table(ROWS | {"w": [80.0, 84.0, 120.0]})))
+def test_too_bright_a_card_is_refused(read):
+    films = read(table(ROWS | {"w": [80.0, 84.0, 120.0]}))
     with refusal(r"white card of 'A1' reads 1.2000 at 420 nm, brighter"):
         card_readings(films, Instrument(), Noise())
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_films_check_what_they_are_given(write):
-    films = read_films(write(table()))
+def test_films_check_what_they_are_given(read):
+    films = read(table())
     with refusal("over_black of 'A1' at 410 nm is nan"):
         replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
     with refusal("over_white has shape"):
@@ -162,11 +160,10 @@ def test_noise_must_be_positive(floor, share):
 
 
 def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(tmp_path):
-    ends = ("b", "w", "ob", "ow")
     grid = np.arange(400.0, 701.0, 50.0)
-    values = {end: np.full(grid.size, 0.2 + 0.1 * i) for i, end in enumerate(ends)}
+    values = {end: np.full(grid.size, 0.2 + 0.1 * i) for i, end in enumerate(ROWS)}
     bands = [f"{word}_{nm:g}nm" for word in ("SCI", "SCE") for nm in grid]
-    rows = [[f"red_{end}", *values[end], *(values[end] - 0.04)] for end in ends]
+    rows = [[f"red_{end}", *row, *(row - 0.04)] for end, row in values.items()]
     path = tmp_path / "films.csv"
     path.write_text("\n".join(",".join(map(str, row)) for row in [["Name", *bands], *rows]))
     films = read_films(path)
