@@ -1,10 +1,12 @@
-"""Made-up paints with smooth spectra: a white, a black, a red, a yellow and a blue."""
+"""Made-up paints with smooth spectra: a white, a black, a red, a yellow and a blue; and films."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from glazefit import Films
 from glazejax import Pigment
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -32,3 +34,8 @@ def optical_depths(paints: Sequence[Pigment], amounts: ArrayLike) -> tuple[np.nd
     known = np.array([[paint.absorption, paint.scattering] for paint in paints])
     absorption, scattering = np.einsum("...p,pcb->c...b", np.asarray(amounts), known)
     return absorption, scattering
+
+
+def raise_readings(films: Films, by: float | np.ndarray) -> Films:
+    """The films, with readings of the paint so much higher over either card."""
+    return replace(films, over_black=films.over_black + by, over_white=films.over_white + by)

@@ -10,7 +10,7 @@ from glazefit.film.gloss import measure_gloss
 from glazefit.film.model.response import film_response
 from glazejax import Bidirectional, Hemispherical, catalogue
 
-from .palette import GRID, optical_depths
+from .palette import GRID, optical_depths, raise_readings
 
 RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0, "White": 9.0}}
 
@@ -25,9 +25,7 @@ def films() -> tuple[Films, Films]:
     share = np.array([[1.0, 0.0], [0.0, 1.0], [0.1, 0.9]])
     smooth = simulate_films(GRID, share @ k, share @ s, names=list(RECIPES), noise=Noise(1e-5, 0.0))
     surface = Instrument().seen_surface
-    seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
-    dull = {over: getattr(smooth, over) - surface for over in seen}
-    return replace(smooth, **seen), replace(smooth, **dull)
+    return raise_readings(smooth, -0.25 * surface), raise_readings(smooth, -surface)
 
 
 def test_the_difference_is_the_gloss(films):

@@ -34,6 +34,7 @@ from glazejax import Pigment
 
 from ..refusals import refusal
 from ..slow import slow
+from .palette import raise_readings
 
 PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")
 RECIPES = {
@@ -143,32 +144,35 @@ def test_steps_equal_a_dense_solve(small, dense_jacobian):
     assert_allclose(step, expected, rtol=1e-6, atol=1e-8)
 
 
-def test_covariance_equals_the_dense_inverse(small, whole):
+@pytest.fixture(scope="module")
+def covariance(small):
     problem, response, point = small
-    found = JointCovariance.of(problem, factorise(look(problem, response, point).normal))
+    return JointCovariance.of(problem, factorise(look(problem, response, point).normal))
+
+
+def test_covariance_equals_the_dense_inverse(small, covariance, whole):
+    problem, _, point = small
     count = point.bands.size
-    for band, block in enumerate(found.of_bands(GRID.size)):
+    for band, block in enumerate(covariance.of_bands(GRID.size)):
         rows = slice(6 * band, 6 * band + 6)
         assert_allclose(block, whole[rows, rows], rtol=1e-6, atol=1e-10)
-    assert_allclose(found.of_shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
-    assert_allclose(found.times(np.eye(len(whole))), whole, rtol=1e-6, atol=1e-10)
+    assert_allclose(covariance.of_shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
+    assert_allclose(covariance.times(np.eye(len(whole))), whole, rtol=1e-6, atol=1e-10)
     others = len(problem.thickness_modes)
-    slopes, across = found.regress(range(others))
+    slopes, across = covariance.regress(range(others))
     first = len(whole) - others
     assert_allclose(across, whole[first:, :count], rtol=1e-6, atol=1e-10)
     assert_allclose(whole[first:, first:] @ slopes, across, rtol=1e-6, atol=1e-10)
 
 
-def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
+def test_error_modes_are_the_largest_of_the_dense_inverse(small, covariance, whole):
     """All bands together, errors of what is known among them; and what is left where the others are
     known.
     """
-    problem, response, point = small
-    factors = factorise(look(problem, response, point).normal)
+    problem, _, point = small
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
-    left = JointCovariance.of(problem, factors)
 
     size = np.linspace(0.1, 1.0, count).reshape(point.bands.shape)
     for some, expected, given in (
@@ -176,7 +180,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, whole):
         (count, inner, ()),
         (6, inner - across.T @ np.linalg.solve(own, across), tuple(range(others))),
     ):
-        modes = left.largest(size, some, given)
+        modes = covariance.largest(size, some, given)
         scaled = expected * np.outer(size, size)
         values, vectors = np.linalg.eigh(scaled)
         best = (vectors[:, -some:] * values[-some:]) @ vectors[:, -some:].T
@@ -224,15 +228,12 @@ def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
     """
     films = painted(np.ones(6))
     dull, wrong = 1, 2
-    less = 0.1 * Instrument().seen_surface
-    over = {what: getattr(films, what).copy() for what in ("over_black", "over_white")}
-    for values in over.values():
-        values[dull] -= less
+    less = 0.1 * Instrument().seen_surface * (np.arange(6)[:, None] == dull)
     tight = Expectations(
         model_floor=0.0, model_share=0.0, gloss=0.1, weight_share=0.03, weight_floor=0.0
     )
     said = RECIPES | {"tint": {"CobaltBlue": 10.0 / 1.1, "ZincWhite": 90.0}}
-    result = recover_jointly(replace(films, **over), said, expectations=tight)
+    result = recover_jointly(raise_readings(films, -less), said, expectations=tight)
     gloss = result.unknowns.films[:, 1]
     assert gloss[dull] == gloss.min()
     assert gloss[dull] - gloss[wrong] == pytest.approx(np.log(0.9), abs=0.04)
@@ -275,11 +276,8 @@ def test_bronzing_is_not_taken_for_scattering():
         "blue": {"CobaltBlue": 100.0},
         "tint": {"CobaltBlue": 20.0, "ZincWhite": 80.0},
     }
-    clean = painted(np.ones(6), recipes)
     bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
-    films = replace(
-        clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze
-    )
+    films = raise_readings(painted(np.ones(6), recipes), bronze)
 
     def rise(expectations: Expectations) -> dict[str, float]:
         found = recover_jointly(films, recipes, expectations=expectations)
@@ -295,22 +293,22 @@ def test_bronzing_is_not_taken_for_scattering():
         assert flat[paint] == pytest.approx(steep[paint], abs=0.05)
 
 
-def test_draws_spread_as_laplace_says(small):
-    problem, response, point = small
-    factors = factorise(look(problem, response, point).normal)
-    whole = JointCovariance.of(problem, factors)
+def test_draws_spread_as_laplace_says(small, covariance):
+    problem, _, point = small
     middle = jax.tree.map(np.asarray, totals(point, problem))
-    drawn = whole.draw(middle, 3000)
+    drawn = covariance.draw(middle, 3000)
     off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):
         assert_allclose(
             np.std(off[:, band], axis=0),
-            np.sqrt(np.diagonal(whole.of_bands(GRID.size)[band])),
+            np.sqrt(np.diagonal(covariance.of_bands(GRID.size)[band])),
             rtol=0.07,
         )
     films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(middle.films).ravel()
     assert_allclose(
-        np.std(films, axis=0), np.sqrt(np.diagonal(whole.of_shared))[: films.shape[1]], rtol=0.07
+        np.std(films, axis=0),
+        np.sqrt(np.diagonal(covariance.of_shared))[: films.shape[1]],
+        rtol=0.07,
     )
     # Errors of one band go with those of the next: the curvature ties them.
     assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5

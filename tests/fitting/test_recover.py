@@ -25,6 +25,8 @@ from glazefit.recover.films.film_by_film import (
 from glazefit.recover.films.result import told_apart
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
+from .palette import raise_readings
+
 GRID = np.arange(400.0, 701.0, 10.0)
 INSTRUMENT = Instrument()
 ONES = np.ones((1, GRID.size))
@@ -186,8 +188,7 @@ def test_clear_film_has_known_small_values():
 def test_gloss_only_where_readings_demand_it():
     k = np.geomspace(0.1, 30, GRID.size)[None].repeat(2, axis=0)
     films = simulate_films(GRID, k, np.full_like(k, 0.3), names=["matte", "smooth"])
-    lost = np.array([[0.4], [0.0]]) * INSTRUMENT.surface
-    films = replace(films, over_black=films.over_black - lost, over_white=films.over_white - lost)
+    films = raise_readings(films, np.array([[-0.4], [0.0]]) * INSTRUMENT.surface)
     gloss = estimate_gloss(films, INSTRUMENT, Noise())
     assert gloss[0] == pytest.approx(0.6, abs=0.03)
     assert gloss[1] == 1.0
