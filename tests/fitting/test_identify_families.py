@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.paintbench.sources import read_source
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from glazefit import identify
@@ -71,7 +71,6 @@ def rows_of(source, family):
 # ---- parts ---------------------------------------------------------------------------------------
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.floats(0.3, 1.0), st.integers(0, 2**32 - 1))
 def test_slopes_of_absorbance_do_not_see_a_factor(factor, seed):
     reading = np.random.default_rng(seed).uniform(0.1, 0.9, GRID.size)
@@ -82,7 +81,6 @@ def test_slopes_of_absorbance_do_not_see_a_factor(factor, seed):
     assert other[-1] - one[-1] == pytest.approx(-np.log(factor), abs=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.floats(0.3, 3.0), st.integers(0, 2**32 - 1))
 def test_a_thinner_coat_keeps_its_shape(thickness, seed):
     """-log R of a coat without scattering over white is in proportion to its thickness."""
@@ -216,11 +214,21 @@ def test_a_teal_is_no_white(others):
     assert not found.explained[0] or set(found.family_sets[0][0].families) - whites
 
 
-def test_a_light_grey_is_no_black(shelf):
+@pytest.fixture(scope="module")
+def search(shelf):
+    """Of all sources, for one paint."""
+    return set_up.search_families(GRID, shelf, max_paints=1)
+
+
+def made_of(search, families):
+    """Which of the films that are compared are of these families alone."""
+    chosen = np.append(np.isin(search.families, families), True)
+    return chosen[search.members[search.compared.sets]].all(axis=1)
+
+
+def test_a_light_grey_is_no_black(search):
     """A zinc white over black had the slopes of a thin coat of a warm black over white."""
-    search = set_up.search_families(GRID, shelf, max_paints=1)
-    of_blacks = np.append(np.isin(search.families, GROUPS["a black"]), True)
-    blacks = of_blacks[search.members[search.compared.sets]].all(axis=1)
+    blacks = made_of(search, GROUPS["a black"])
     light = blacks & (np.asarray(search.compared.colours)[:, 0] > 50.0)
     assert light.any()
     possible = search._possible(search.compared.templates.readings[light])
@@ -228,19 +236,16 @@ def test_a_light_grey_is_no_black(shelf):
     assert possible.any(axis=1).all()
 
 
-def test_a_yellow_is_no_extender(shelf):
+def test_a_yellow_is_no_extender(search, shelf):
     """Barium sulphate was read in a yellowed oil: its films that hide have a chroma of 32."""
-    search = set_up.search_families(GRID, shelf, max_paints=1)
     templates = search.compared.templates
     extender = shelf[[paint.name for paint in shelf].index("barium sulphate/revigo-BariumSulphate")]
     body = templates.readings[templates.members[:, 0] == search.exemplars.index(extender)]
     lightness, red, yellow = np.asarray(colour.lab(GRID, body[0]))
     assert lightness > 85.0
     assert np.hypot(red, yellow) > 30.0
-    whites = np.append([family in COLOURLESS for family in search.families], True)
-    colourless = whites[search.members[search.compared.sets]].all(axis=1)
     possible = search._possible(body[:1])
-    assert not possible[:, colourless].any()
+    assert not possible[:, made_of(search, [*COLOURLESS])].any()
     assert possible.any()
 
 
@@ -350,20 +355,11 @@ def test_evidence_is_sometimes_worthless():
 def test_few_known_exemplars_are_refused(found_search):
     """Of sources that leave most of the exemplars, each sought without its own."""
     readings, rows = calibration.exemplars_as_readings(found_search)
-    shared = np.array(
-        [
-            bool(
-                (
-                    (found_search.family_of == found_search.family_of[row])
-                    & (found_search.source_of != found_search.source_of[row])
-                ).any()
-            )
-            for row in rows
-        ]
-    )
-    left = np.array([np.mean(found_search.source_of != n) for n in found_search.source_of[rows]])
-    shared &= left > 0.5
-    odds = found_search.odds(readings[shared], sources=found_search.source_of[rows[shared]])
+    own = found_search.source_of[rows]
+    alike = found_search.family_of == found_search.family_of[rows, None]
+    left = found_search.source_of != own[:, None]
+    shared = (alike & left).any(axis=1) & (left.mean(axis=1) > 0.5)
+    odds = found_search.odds(readings[shared], sources=own[shared])
     assert 0 < odds.unlike.mean() < 0.15
 
 
