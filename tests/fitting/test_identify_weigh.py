@@ -14,20 +14,13 @@ GRID = np.arange(1000.0, 1701.0, 50.0)
 """No colour is seen here: a root mean square of .01 counts as a Delta E00 of 1."""
 
 
-def film(noise=0.0, spectra=1):
-    shape = spectra, 1, GRID.size
-    half = np.full(shape, 0.5)
-    names = tuple(map(str, range(spectra)))
-    return Measured(
-        names, GRID, half, half, np.full(shape, noise), np.empty((spectra, 0, 1, GRID.size))
-    )
+def film(noise=0.0):
+    half = np.full((1, 1, GRID.size), 0.5)
+    sd, doubt = np.full_like(half, noise), np.empty((1, 0, 1, GRID.size))
+    return Measured(("film",), GRID, half, half, sd, doubt)
 
 
-def pool(
-    sets,
-    misfit,
-    log_weight,
-):
+def pool(sets, misfit, log_weight):
     """Candidates of one spectrum, off by so many Delta E00."""
     count = len(sets)
     members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
@@ -109,7 +102,7 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
         film(), candidates, judged, paints=("a", "b", "c"), opaque=False, keep=2, spread=0.7
     )
     assert found.members.shape == (1, 2, 3)
-    odds, none, *_ = odds_of(film(), candidates, Prior())
+    odds, none, *_ = judged
     share = odds[0] / (odds.sum() + none[0])
     assert_allclose(
         found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]]
