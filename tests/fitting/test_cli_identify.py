@@ -201,9 +201,8 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     assert "found-oils.csv" in str(run(table, "--csv", file).exception)
     assert not file.exists()
     # What is told of families is not asked of the oils.
-    result = run(
-        *f"{table} --samples red --csv {file} --overwrite --painted 1620 --elements Hg".split(),
-    )
+    words = f"{table} --samples red --csv {file} --overwrite --painted 1620 --elements Hg"
+    result = run(*words.split())
     assert result.exit_code == 0, result.output
     asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
     assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]
@@ -223,10 +222,9 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
 def test_a_report_by_family_is_filed(shared_data, tmp_path):
     """Families with formula, years and nearest exemplars; what a year forbids is marked."""
     page = tmp_path / "report.html"
-    file = str(shared_data / "hyperdoc" / "reflectance.tsv")
-    words = f"identify {file} --opaque --instrument 45:0 --catalogue pigments".split()
-    words += ["--samples", "01A,10A", "--painted", "1200", "--report", str(page)]
-    result = run(*words[1:])
+    file = shared_data / "hyperdoc" / "reflectance.tsv"
+    words = f"{file} --opaque --instrument 45:0 --catalogue pigments --samples 01A,10A"
+    result = run(*f"{words} --painted 1200 --report {page}".split())
     assert result.exit_code == 0, result.output
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
@@ -254,11 +252,10 @@ def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", flat(tmp_path / "ground.csv", 0.8)
     paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
     options = f"--ground {ground} --catalogue oils --max-paints 2 --report {page}".split()
-    options += ["--only", "Vermillion,ZincWhite,CobaltBlue", "--inventory", "A-1", "--spot", "sky"]
-    options += ["--object", "A <panel>"]
-    options += ["--operator", "N. N."]
-    options += ["--csv", paths[0], "--residuals", paths[1], "--out", paths[2]]
-    result = run(table, "--samples", "red_ow,tint_ow", *options)
+    options += ["--samples", "red_ow,tint_ow", "--only", "Vermillion,ZincWhite,CobaltBlue"]
+    subject = ("--object", "A <panel>", "--inventory", "A-1", "--spot", "sky")
+    files = ("--csv", paths[0], "--residuals", paths[1], "--out", paths[2])
+    result = run(table, *options, *subject, "--operator", "N. N.", *files)
     assert result.exit_code == 0, result.output
     assert f"Wrote the report to {page}" in said(result).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())

@@ -34,13 +34,9 @@ def test_patches_of_a_chart(run, tmp_path):
     """Two patches with two paints in one coat at most, to the screen, a picture, a table and a file
     of all.
     """
-    words = [
-        "--patch",
-        "dark skin,white",
-        *["--max-coats", "1", "--max-paints", "2", "--count", "2"],
-    ]
-    words += ["--csv", "r.csv", "--json", "r.json", "--spectra", "s.csv", "--out", "found.png"]
-    out, _ = run(*words)
+    search = ("--max-coats", 1, "--max-paints", 2, "--count", 2)
+    files = ("--csv", "r.csv", "--json", "r.json", "--spectra", "s.csv", "--out", "found.png")
+    out, _ = run("--patch", "dark skin,white", *search, *files)
     assert "dark skin" in out
     assert "white 9.5" in out
     height, width, *_ = matplotlib.image.imread(tmp_path / "found.png").shape
@@ -87,8 +83,8 @@ def test_an_interrupt_keeps_what_is_finished(run, tmp_path, monkeypatch):
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
     monkeypatch.setattr(recipe, "_GROUP", 1)
-    words = ["--patch", "red,blue", "--max-coats", "1", "--max-paints", "2", "--count", "1"]
-    out, _ = run(*words, "--csv", "r.csv", fails=130)
+    search = ("--max-coats", 1, "--max-paints", 2, "--count", 1)
+    out, _ = run("--patch", "red,blue", *search, "--csv", "r.csv", fails=130)
     assert "wrote r.csv" in out
     assert "Interrupted: 1 of 2 targets were finished" in out
     assert [row["target"] for row in read_rows(tmp_path / "r.csv")] == ["red"]
