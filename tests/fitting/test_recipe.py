@@ -203,27 +203,28 @@ def test_more_paints_and_more_coats_come_nearer():
 
 
 @pytest.mark.parametrize(
-    ("target", "options", "match"),
+    ("change", "match"),
     [
-        ((50, 0), {}, "three numbers"),
-        ((150, 0, 0), {}, r"L\* is 150"),
-        ((50, 0, float("nan")), {}, "three numbers"),
-        ([], {}, "there is no target"),
-        ((50, 0, 0), {"max_paints": 0}, "max_paints is 0"),
-        ((50, 0, 0), {"max_coats": 9}, "max_coats is 9"),
-        ((50, 0, 0), {"thickness": (1, 50)}, "must ascend"),
-        ((50, 0, 0), {"thickness": (5e-6, 1e-6)}, "must ascend"),
-        ((50, 0, 0), {"ground": 90}, "must lie in"),
-        ((50, 0, 0), {"ground": np.array([0.5, 0.5])}, "shape"),
-        ((50, 0, 0), {"illuminants": ("A",)}, "is given under D65, not under A"),
-        ((50, 0, 0), {"metamerism": -1}, "metamerism is -1"),
-        ((50, 0, 0), {"refractive_index": 3.0}, "refractive index 3"),
-        ((50, 0, 0), {"observer": "5"}, "unknown observer"),
+        ({"target": (50, 0)}, "three numbers"),
+        ({"target": (150, 0, 0)}, r"L\* is 150"),
+        ({"target": (50, 0, float("nan"))}, "three numbers"),
+        ({"target": []}, "there is no target"),
+        ({"max_paints": 0}, "max_paints is 0"),
+        ({"max_coats": 9}, "max_coats is 9"),
+        ({"thickness": (1, 50)}, "must ascend"),
+        ({"thickness": (5e-6, 1e-6)}, "must ascend"),
+        ({"ground": 90}, "must lie in"),
+        ({"ground": np.array([0.5, 0.5])}, "shape"),
+        ({"illuminants": ("A",)}, "is given under D65, not under A"),
+        ({"metamerism": -1}, "metamerism is -1"),
+        ({"refractive_index": 3.0}, "refractive index 3"),
+        ({"observer": "5"}, "unknown observer"),
     ],
 )
-def test_bad_input_is_refused(target, options, match):
+def test_bad_input_is_refused(change, match):
+    asked: dict = {"target": (50, 0, 0), **change}
     with refusal(match):
-        find_recipes(target, PALETTE, **options)
+        find_recipes(pigments=PALETTE, **asked)
 
 
 def test_bad_palettes_are_refused():
