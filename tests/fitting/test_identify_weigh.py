@@ -20,9 +20,10 @@ def film(noise=0.0):
     return Measured(("film",), GRID, half, half, sd, doubt)
 
 
-def pool(sets, misfit, log_weight):
-    """Candidates of one spectrum, off by so many Delta E00."""
-    count = len(sets)
+def pool(misfit, log_weight=0.0, sets=None):
+    """Candidates of one spectrum, off by so many Delta E00; of one paint each, if not told."""
+    count = len(misfit)
+    sets = sets or [[paint] for paint in range(count)]
     members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
     readings = 0.5 + 0.01 * np.array(misfit)[None, :, None] * np.ones(GRID.size)
     return Pool(
@@ -31,7 +32,7 @@ def pool(sets, misfit, log_weight):
         np.zeros((1, count, 3)),
         np.zeros((1, count, 3)),
         np.zeros((1, count, 3, 3)),
-        np.array([log_weight], float),
+        np.full((1, count), log_weight),
         readings,
         readings,
         np.ones((1, count)),
@@ -41,7 +42,7 @@ def pool(sets, misfit, log_weight):
 
 def none_to_one(misfit, unknown=0.4, noise=0.0):
     """Odds of none against the only candidate."""
-    odds = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))
+    odds = odds_of(film(noise), pool([misfit]), Prior(unknown=unknown))
     return float(odds.none[0] / odds.candidates[0, 0])
 
 
@@ -66,12 +67,10 @@ def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to
 
 
 def test_what_a_person_rejects_is_at_most_as_probable_as_none():
-    rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior()).rejected
+    rejected = odds_of(film(), pool([3.99, 4.01]), Prior()).rejected
     assert rejected.tolist() == [[False, True]]
     for unknown in (0.01, 0.4):
-        odds, none, *_ = odds_of(
-            film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown)
-        )
+        odds, none, *_ = odds_of(film(), pool([5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown))
         assert odds.sum() <= none[0]
 
 
@@ -84,19 +83,19 @@ def test_what_the_noise_explains_is_no_misfit():
 def test_a_fit_without_any_residual_is_as_good_as_one_of_a_tenth():
     """Nothing of a film is known so well; the misfit stays a number whose logarithm counts."""
     for misfit in (0.0, 0.05, 0.1):
-        _, none, met, *_ = odds_of(film(), pool([[0]], [misfit], [0.0]), Prior())
+        _, none, met, *_ = odds_of(film(), pool([misfit]), Prior())
         assert float(met[0]) == pytest.approx(0.1)
         assert 0.0 < float(none[0]) < 0.01
 
 
 def test_evidence_ranks_candidates_that_look_alike():
     """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
-    odds = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior()).candidates
+    odds = odds_of(film(), pool([0.2, 0.9], [0.0, np.log(3.0)]), Prior()).candidates
     assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
 
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
-    candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    candidates = pool([1.0, 1.0, 1.0], sets=[[0, 1], [1, 2], [2]])
     judged = odds_of(film(), candidates, Prior())
     found = Identification.of(
         film(), candidates, judged, paints=("a", "b", "c"), opaque=False, keep=2, spread=0.7
