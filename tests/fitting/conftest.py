@@ -13,6 +13,12 @@ def paints() -> dict[str, Pigment]:
     }
 
 
+@pytest.fixture
+def run(command_line, request):
+    """The command that the module names, with its output on one line."""
+    return command_line(request.module.COMMAND, on_one_line=True)
+
+
 @pytest.fixture(scope="module")
 def shelf() -> list[Pigment]:
     return list(catalogue.load("pigments").values())

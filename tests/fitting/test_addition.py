@@ -14,6 +14,7 @@ from ..refusals import refusal
 from .tables import write_films
 from .test_variation import GRID, TINT, at_bands, painted
 
+COMMAND = "recipe"
 WHITE_GROUND = 0.9
 
 
@@ -105,11 +106,6 @@ def test_a_thickness_in_painters_terms(metres, words):
     said = in_painters_terms(metres)
     assert words in said
     assert "guess" in said
-
-
-@pytest.fixture
-def run(command_line):
-    return command_line("recipe", columns=150, on_one_line=True)
 
 
 def test_command_says_what_to_add(run, tmp_path, weak):

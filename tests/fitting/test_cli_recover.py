@@ -19,12 +19,8 @@ from .test_joint import RECIPES, painted
 
 GRID = np.arange(400.0, 701.0, 10.0)
 COARSE = GRID[::3]
+COMMAND = "recover"
 write = functools.partial(write_films, scale=100.0)
-
-
-@pytest.fixture
-def run(command_line):
-    return command_line("recover", on_one_line=True)
 
 
 @pytest.fixture

@@ -21,9 +21,10 @@ from glazejax.geometry import resolve_instrument
 
 from ..refusals import refusal
 from .palette import GRID
-from .tables import read_rows
+from .tables import read_rows, write_films
 from .test_variation import inside
 
+COMMAND = "recover"
 INSTRUMENT = resolve_instrument("45:0")
 GROUND = 0.85 - 0.1 * np.exp(-(GRID - 400) / 60)
 NOISE = Noise(0.001, 0.002)
@@ -203,26 +204,9 @@ def test_wrong_wishes_are_refused():
         predict_next_coat(found, "Red", 2, GROUND).interval(90)
 
 
-@pytest.fixture
-def run(command_line):
-    return command_line("recover")
-
-
-def written(path, rows, ends=("_ow", "_w"), more=()):
-    lines = [["Name", *(f"{w:g}" for w in GRID)]]
-    for name, *spectra in rows:
-        lines += [
-            [name + end, *(f"{v:.5f}" for v in values)]
-            for end, values in zip(ends, spectra, strict=False)
-        ]
-    lines += [[name, *(f"{v:.5f}" for v in GROUND)] for name in more]
-    path.write_text("\n".join(",".join(line) for line in lines) + "\n")
-    return path
-
-
 def test_the_command_foretells_the_next_coats(run, tmp_path):
     rows = [*ladder("Red", RED, 0.5, 3), *ladder("Blue", BLUE, 0.5, 1)]
-    file = written(tmp_path / "ladder.csv", rows)
+    file = write_films(tmp_path / "ladder.csv", table(rows), ("ow", "w"))
     out, err = run(file, "--out", "res", "--instrument", "45:0")
     assert err == ""
     assert "no length was measured" in out
@@ -244,20 +228,17 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "words", "said"),
+    ("more", "ends", "words", "said"),
     [
-        (
-            {"more": ["Umber_ow", "Umber_w"]},
-            "",
-            "'Red 1 coat' is a film of coats and 'Umber' is not",
-        ),
-        ({}, "--white ZincWhite", "--white is not for coats"),
-        ({}, "--joint", "--joint is not for coats"),
-        ({"ends": ("_ow",)}, "", "the bare ground of 'Red 1 coat' was not read"),
+        (["Umber"], ("ow", "w"), "", "'Red 1 coat' is a film of coats and 'Umber' is not"),
+        ([], ("ow", "w"), "--white ZincWhite", "--white is not for coats"),
+        ([], ("ow", "w"), "--joint", "--joint is not for coats"),
+        ([], ("ow",), "", "the bare ground of 'Red 1 coat' was not read"),
     ],
 )
-def test_what_is_not_for_coats_is_refused(run, tmp_path, change, words, said):
-    file = written(tmp_path / "ladder.csv", ladder("Red", RED, 0.5, 1), **change)
+def test_what_is_not_for_coats_is_refused(run, tmp_path, more, ends, words, said):
+    rows = [*ladder("Red", RED, 0.5, 1), *((name, GROUND, GROUND) for name in more)]
+    file = write_films(tmp_path / "ladder.csv", table(rows), ends)
     _, err = run(file, "--out", "res", *words.split(), fails=2)
-    assert said in " ".join(err.split())
+    assert said in err
     assert not (tmp_path / "res").exists()

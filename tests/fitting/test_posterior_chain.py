@@ -13,6 +13,7 @@ from glazejax.io import write_table
 from ..slow import slow
 from .test_cli_recover import write
 
+COMMAND = "posterior"
 GRID = np.array([400.0, 550.0, 700.0])
 
 
@@ -93,11 +94,6 @@ def test_stuck_or_tiny_chain_has_not_converged():
     assert "too few" in judged(tiny).words()
 
 
-@pytest.fixture
-def run(command_line):
-    return command_line("posterior")
-
-
 @pytest.mark.parametrize(
     ("sampler", "steps"),
     [("emcee", "300"), slow("hmc", "10")],
@@ -106,9 +102,9 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz
 
     file = write(tmp_path / "films.tsv", film())
-    options = f"{file} --bands --sampler {sampler} --steps {steps} --walkers 12".split()
-    options += ("--thin", "2")
-    out, _ = run(*options, "--out", "r")
+    words = f"{file} --bands --sampler {sampler} --steps {steps} --walkers 12 --thin 2 --out r"
+    options = words.split()
+    out, _ = run(*options)
     assert "percent" in out
     assert "Not converged" in out
     folder = tmp_path / "r"
@@ -122,9 +118,9 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     lines = (folder / "summary.csv").read_text().splitlines()
     assert len(lines) == 1 + 3 * bands
 
-    _, err = run(*options, "--out", "r", fails=2)
+    _, err = run(*options, fails=2)
     assert "--overwrite" in err
-    run(*options, "--out", "r", "--resume")
+    run(*options, "--resume")
 
 
 @pytest.mark.parametrize(
@@ -189,5 +185,5 @@ def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(run, tmp_path
         ("infrared.csv --ground 0.9", "no three bands in common"),
     ):
         out, err = run(*words.split(), "--paints", "CobaltBlue", "--out", "x", fails=2)
-        assert said in " ".join((out + err).split())
+        assert said in out + err
     assert read == 2 * [np.arange(400.0, 701.0, 10.0).tolist()]

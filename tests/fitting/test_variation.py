@@ -33,6 +33,7 @@ from ..refusals import refusal
 from .palette import GRID, optical_depths
 from .tables import read_rows, write_films
 
+COMMAND = "predict"
 TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
 QUIET = Noise(1e-5, 0)
 SILENT = SizeEvidence(frozenset({"new"}), np.zeros(len(SIZES)))
@@ -397,11 +398,6 @@ def test_a_family_is_no_paint_of_a_mixture():
 def test_mixtures_that_are_none(paints, recipe, words):
     with refusal(words):
         mix(paints, recipe)
-
-
-@pytest.fixture
-def run(command_line):
-    return command_line("predict", columns=150, on_one_line=True)
 
 
 def test_command_says_how_sure_it_is(run, tmp_path):
