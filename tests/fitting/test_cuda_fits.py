@@ -31,7 +31,7 @@ def films(count):
 
 def test_identification(monkeypatch):
     spectra = np.clip(np.linspace(0.2, 0.6, GRID.size) * np.array([[1.0], [1.2]]), 0, 1)[None]
-    grounds = np.array([[0.05], [0.85]]) * np.ones((2, GRID.size))
+    grounds = np.array([[0.05], [0.85]]) * np.ones(GRID.size)
 
     def find(most):
         identify(GRID, spectra, PALETTE[:3], ground=grounds, max_paints=most)

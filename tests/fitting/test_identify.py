@@ -32,7 +32,7 @@ NAMES = (
     "ViridianGreen",
     "Cochineal",
 )
-GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
+GROUNDS = np.array([[0.025], [0.93]]) * np.ones(GRID.size)
 UNIT = 25e-6
 
 
@@ -269,7 +269,7 @@ def test_what_is_shown_comes_near_the_reading():
         catalogue.pigment(name)
         for name in ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")
     ]
-    greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones((1, GRID.size))
+    greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones(GRID.size)
     found = identify(
         GRID, greys, known, opaque=True, instrument=Bidirectional(45.0, 0.0), max_paints=2
     )

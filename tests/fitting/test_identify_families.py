@@ -420,7 +420,7 @@ def test_films_over_different_grounds_keep_their_order(mockups, others):
             wavelengths[bands],
             readings[rows][chosen][:, bands],
             few,
-            ground=grounds[chosen][:, None, None] * np.ones((len(chosen), 1, int(bands.sum()))),
+            ground=grounds[chosen][:, None, None] * np.ones(bands.sum()),
             instrument="45:0",
             names=[str(number) for number in chosen],
         )

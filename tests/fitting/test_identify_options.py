@@ -25,7 +25,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from .palette import optical_depths
 
 GRID = np.arange(400.0, 701.0, 50.0)
-GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
+GROUNDS = np.array([[0.03], [0.9]]) * np.ones(GRID.size)
 
 
 @pytest.mark.parametrize(

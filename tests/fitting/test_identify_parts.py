@@ -36,8 +36,10 @@ from glazefit.mapping.solve.local import as_measured
 from glazejax import Hemispherical, Pigment
 
 from ..refusals import refusal
+from .grids import every_pair
 
 GRID = np.linspace(400.0, 700.0, 7)
+BOTH = jnp.asarray([[0, 1]], dtype=jnp.int32)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -113,10 +115,9 @@ def test_what_cannot_be_expected_is_named(wrong, words):
 
 def test_prior_of_fractions_and_thickness_integrates_to_one():
     u = np.linspace(-14.0, 6.0, 401)
-    grid = np.stack(np.meshgrid(u, u, indexing="ij"), axis=-1).reshape(-1, 2)
     density = jax.vmap(
         lambda logs: log_prior(logs, jnp.ones(2, bool), jnp.asarray(0.7), jnp.asarray(1.0))
-    )(jnp.asarray(grid))
+    )(every_pair(u))
     assert float(np.exp(density).sum() * (u[1] - u[0]) ** 2) == pytest.approx(1.0, abs=2e-3)
 
 
@@ -131,12 +132,8 @@ def problem():
     )
     paints = Paints(jnp.asarray(k), jnp.full(k.shape, 1.5))
     response = film_response(Hemispherical())
-    ground = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
-    body = np.asarray(
-        response.body(
-            jnp.asarray(0.7 * k[0] + 0.5 * k[1]), jnp.full(GRID.size, 1.8), jnp.asarray(ground)
-        )
-    )
+    ground = np.array([[0.03], [0.9]]) * np.ones(GRID.size)
+    body = np.asarray(response.body(0.7 * k[0] + 0.5 * k[1], 1.8, ground))
     smooth = 0.005**2 * model_correlation(GRID, 2, 100.0, 0.8)
     errors = whitening((smooth + 0.004**2 * np.eye(2 * GRID.size))[None])
     target = body.reshape(1, -1)
@@ -148,19 +145,14 @@ def problem():
 
 def test_evidence_is_the_integral_of_the_posterior(problem):
     response, paints, ground, weights = problem
-    sets = jnp.asarray([[0, 1]], dtype=jnp.int32)
     steps = jnp.asarray(14)
-    fitted = fit_films(response, paints, sets, jnp.zeros((1, 2)), ground, weights, steps=steps)
+    fitted = fit_films(response, paints, BOTH, jnp.zeros((1, 2)), ground, weights, steps=steps)
     assert_allclose(np.exp(fitted.logs[0]), [0.7, 0.5], rtol=0.03)
     sd = np.sqrt(np.diagonal(fitted.covariance[0]))
     centre = np.asarray(fitted.logs[0])
     offsets = np.linspace(-6.0, 6.0, 81)
-    points = centre + sd * np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(
-        -1, 2
-    )
-    total = np.asarray(
-        jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(jnp.asarray(points))
-    )
+    points = centre + sd * every_pair(offsets)
+    total = np.asarray(jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(points))
     volume = np.log(np.prod(sd) * (offsets[1] - offsets[0]) ** 2)
     assert float(fitted.log_evidence[0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
 
@@ -182,10 +174,9 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     response, paints, ground, weights = problem
     k, s = (0.9 * part[0] for part in paints)
     alone = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
-    sets = jnp.asarray([[0, 1]], dtype=jnp.int32)
     start = jnp.full((1, 2), np.log(0.45))
     few, many = (
-        fit_films(response, paints, sets, start, ground, alone, steps=jnp.asarray(steps))
+        fit_films(response, paints, BOTH, start, ground, alone, steps=jnp.asarray(steps))
         for steps in (8, 60)
     )
     assert np.exp(many.logs[0, 1]) < 0.02

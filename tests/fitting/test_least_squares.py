@@ -1,5 +1,7 @@
 """Least squares side by side: optimistix's steps, and a damped solve that is numpy's."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -34,6 +36,7 @@ def decay(point, times, seen):
     )
 
 
+fit_decays = partial(levenberg_marquardt, decay, rtol=1e-4, atol=1e-5, max_steps=60)
 _decays = jax.jit(jax.vmap(decay, in_axes=(0, 0, None)))
 
 
@@ -63,9 +66,7 @@ def test_steps_are_those_of_optimistix(max_steps):
 
     each = [one(*row) for row in zip(start, times, seen, strict=True)]
     theirs, ended = (np.stack(values) for values in zip(*each, strict=True))
-    ours, settled = levenberg_marquardt(
-        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=max_steps
-    )
+    ours, settled = fit_decays(jnp.asarray(start), times, seen, max_steps=max_steps)
     assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
     assert_array_equal(settled, ended)
     if max_steps == 60:
@@ -75,9 +76,7 @@ def test_steps_are_those_of_optimistix(max_steps):
 def test_a_start_without_a_number_never_settles():
     start, times, seen = problems(3)
     start[1] = np.nan
-    found, settled = levenberg_marquardt(
-        decay, jnp.asarray(start), times, seen, rtol=1e-4, atol=1e-5, max_steps=60
-    )
+    found, settled = fit_decays(jnp.asarray(start), times, seen)
     assert settled.tolist() == [True, False, True]
     assert np.isfinite(np.asarray(found)[[0, 2]]).all()
 
@@ -87,7 +86,7 @@ def test_a_start_without_a_number_never_settles():
 def test_damped_solution_is_that_of_numpy(unknowns, damping):
     matrix = RNG.standard_normal((5, 9, unknowns)) * np.logspace(0, -4, unknowns)
     right = RNG.standard_normal((5, 9))
-    found = jax.jit(damped_solution)(jnp.asarray(matrix), jnp.asarray(right), jnp.full(5, damping))
+    found = jax.jit(damped_solution)(matrix, right, np.full(5, damping))
     for a, b, x in zip(matrix, right, found, strict=True):
         whole = np.concatenate([a, np.sqrt(damping) * np.eye(unknowns)])
         wanted = np.linalg.lstsq(whole, np.concatenate([b, np.zeros(unknowns)]), rcond=None)[0]
@@ -97,9 +96,7 @@ def test_damped_solution_is_that_of_numpy(unknowns, damping):
 def test_unknowns_that_change_nothing_stay():
     matrix = np.zeros((1, 3, 2))
     matrix[0, :, 0] = 1.0
-    found = jax.jit(damped_solution)(
-        jnp.asarray(matrix), jnp.asarray([[2.0, 2.0, 2.0]]), jnp.zeros(1)
-    )
+    found = jax.jit(damped_solution)(matrix, np.array([[2.0, 2.0, 2.0]]), np.zeros(1))
     assert_allclose(found, [[2.0, 0.0]], atol=1e-12)
 
 
@@ -107,7 +104,7 @@ def test_unknowns_that_change_nothing_stay():
 def test_normal_equations_agree_with_numpy(unknowns):
     matrix = RNG.standard_normal((3, unknowns + 10, unknowns))
     right = RNG.standard_normal((3, unknowns + 10))
-    found = jax.jit(normal_solution)(jnp.asarray(matrix), jnp.asarray(right), jnp.full(3, 1e-12))
+    found = jax.jit(normal_solution)(matrix, right, np.full(3, 1e-12))
     for a, b, x in zip(matrix, right, found, strict=True):
         assert_allclose(x, np.linalg.lstsq(a, b, rcond=None)[0], rtol=1e-8, atol=1e-10)
 
@@ -117,7 +114,7 @@ def test_the_program_calls_no_library_for_linear_algebra():
 
     @jax.jit
     def solve(start):
-        return levenberg_marquardt(decay, start, times, seen, rtol=1e-4, atol=1e-5, max_steps=60)
+        return fit_decays(start, times, seen)
 
     text = solve.lower(start).compile().as_text()
     assert text is not None

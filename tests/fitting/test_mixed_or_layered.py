@@ -30,6 +30,7 @@ from glazefit.identify.result.odds import DECIDED
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
 
 from ..slow import slow
+from .grids import every_pair
 
 GRID = np.arange(420.0, 701.0, 20.0)
 GROUND = np.linspace(0.6, 0.85, GRID.size)
@@ -44,13 +45,13 @@ def oils():
     return [paints[name].resample(GRID) for name in ("CobaltBlue", "LeadWhite", "ChromeYellow")]
 
 
-def in_usual_coats(paints, *grounds, usual=25e-6):
+def in_usual_coats(paints, *grounds):
     k, s = (
         np.array([np.asarray(getattr(paint, part)) for paint in paints])
         for part in ("absorption", "scattering")
     )
     return CoatedFilms(
-        coefficients=usual * np.array([k, s]),
+        coefficients=25e-6 * np.array([k, s]),
         grounds=np.array(grounds or [GROUND]),
         optics=Optics.of("45:0"),
         response=film_response("45:0"),
@@ -155,7 +156,7 @@ def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
     rng = np.random.default_rng(3)
     slopes = 0.1 * rng.normal(size=(2, GRID.size))
     nodes = np.linspace(*LOG_AMOUNTS, NODES[2])
-    logs = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    logs = every_pair(nodes)
     nothing = np.zeros((2, len(logs), GRID.size))
     flat, straight = (
         evidence_module._covariance(

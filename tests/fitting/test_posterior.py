@@ -28,6 +28,7 @@ from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Hemispherical, Pigment
 
 from ..slow import slow
+from .grids import every_pair
 from .palette import GRID, optical_depths
 
 INSTRUMENT, NOISE = Instrument(), Noise()
@@ -252,7 +253,7 @@ def test_prior_is_what_the_log_probability_says():
     """
     problem = pose_bands(readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE), 1.0, INSTRUMENT)
     logs = np.linspace(-25, 30, 700)
-    grid = np.stack(np.meshgrid(logs, logs, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = every_pair(logs)
     one = jax.tree.map(lambda a: a[:1], problem.data)
     whole, data = (
         np.asarray(log_probability(off, one, problem.shared, grid[:, None], 20_000))[:, 0]
