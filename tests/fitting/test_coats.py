@@ -263,37 +263,24 @@ def test_likelihood_holds_the_paints_errors():
     named = values_at(point, problem)
     blue = named["fraction blue of coat 2"]
     off = np.exp(data.shift).reshape(2, 2, -1)
-    body = [
-        blue * np.asarray(getattr(BLUE, w)) + (1 - blue) * np.asarray(getattr(WHITE, w))
-        for w in COEFFICIENTS
-    ]
-    coats = [[np.asarray(RED.absorption), np.asarray(RED.scattering)], body]
+    body = Mixture([BLUE, WHITE], [blue, 1 - blue])
+    coats = off * np.array([[getattr(coat, w) for w in COEFFICIENTS] for coat in (RED, body)])
     thick = [named["thickness of coat 1"], named["thickness of coat 2"]]
 
     def readings(errors):
         layers = [
-            Layer(
-                paint(
-                    str(n),
-                    k * off[n, 0] * np.exp(errors[n, 0]),
-                    s * off[n, 1] * np.exp(errors[n, 1]),
-                ),
-                thick[n],
-            )
-            for n, (k, s) in enumerate(coats)
+            Layer(paint("coat", k, s), thickness)
+            for (k, s), thickness in zip(coats * np.exp(errors), thick, strict=True)
         ]
         return over_grounds(layers, tolerance=1e-8)
 
     smooth, size, rows_ = smooth_kernel(GRID, PRIOR.error_length), 1e-3, film.sd.size
     caused = np.zeros((rows_, rows_))
-    for coat in range(2):
-        for which in range(2):
-            step = np.zeros((2, 2, 1))
-            step[coat, which] = size
-            slope = (readings(step) - readings(-step)) / (2 * size)
-            # Bands do not meet, so one step of all bands gives the whole slope.
-            wide = np.einsum("bg,bc->bgc", slope, np.eye(GRID.size)).reshape(rows_, -1)
-            caused += wide @ smooth @ wide.T
+    for step in size * np.eye(4).reshape(4, 2, 2, 1):
+        slope = (readings(step) - readings(-step)) / (2 * size)
+        # Bands do not meet, so one step of all bands gives the whole slope.
+        wide = np.einsum("bg,bc->bgc", slope, np.eye(GRID.size)).reshape(rows_, -1)
+        caused += wide @ smooth @ wide.T
     back = np.linalg.inv(data.whiten)
     assert_allclose(back @ back.T, np.diag(film.sd.ravel() ** 2), atol=1e-9)
     assert_allclose((back * data.spread**2) @ back.T, caused, atol=0.02 * np.abs(caused).max())
