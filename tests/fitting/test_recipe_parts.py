@@ -261,26 +261,17 @@ def test_recipes_for_one_target_are_drawn_on_one_scale():
     from glazefit.recipe.plots import recipe_figure
 
     def recipe(target, reflectance):
-        spectrum = np.full(GRID.size, reflectance)
         return SimpleNamespace(
             target=target,
             wavelengths=GRID,
-            reflectance=spectrum,
+            reflectance=np.full(GRID.size, reflectance),
             coats=(),
             distance=0.1,
             delta_e={"D65": 0.1},
             lab={"D65": np.array([40.0, 0.0, 0.0])},
         )
 
-    brown, white = (
-        SimpleNamespace(
-            wavelengths=None,
-            reflectance=None,
-            spectral=False,
-            labs={"D65": np.array([40.0, 0.0, 0.0])},
-        )
-        for _ in range(2)
-    )
+    brown, white = lab_target((40, 0, 0), "brown"), lab_target((40, 0, 0), "white")
     recipes = [recipe(brown, 0.44), recipe(brown, 0.2), recipe(white, 0.3)]
     figure = recipe_figure(recipes, titles=["1", "2", "3"], heading="h", subtitle="s")  # pyright: ignore
     tops = [axes.get_ylim()[1] for axes in figure.axes[1::2]]
