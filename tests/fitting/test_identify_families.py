@@ -588,9 +588,6 @@ def test_anachronisms_are_said():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (dict(max_coats=4), "max_coats is 4"),
-        (dict(max_paints=4), "max_paints is 4"),
-        (dict(opaque=False), "no ground is stated"),
         (dict(varnish="old"), "varnish is 'old'; say one of none, thin, yellowed"),
         (dict(elements=("Xx",)), "there is no element 'Xx'"),
         (dict(wavelengths=np.linspace(3e3, 3.1e3, GRID.size)), "no three bands lie there"),
