@@ -23,12 +23,6 @@ def check(monkeypatch, name, call, first=None):
     assert programs.trouble == {}
 
 
-def films(count):
-    rng = np.random.default_rng(0)
-    k, s = rng.uniform(0.1, 1.0, (count, GRID.size)), rng.uniform(1.0, 4.0, (count, GRID.size))
-    return simulate_films(GRID, k, s, names=[str(i) for i in range(count)])
-
-
 def test_identification(monkeypatch):
     spectra = np.clip(np.linspace(0.2, 0.6, GRID.size) * np.array([[1.0], [1.2]]), 0, 1)[None]
     grounds = np.array([[0.05], [0.85]]) * np.ones(GRID.size)
@@ -49,4 +43,7 @@ def test_recipes(monkeypatch):
 
 
 def test_recovery_film_by_film(monkeypatch):
-    check(monkeypatch, "recover", lambda: recover_films(films(2)))
+    rng = np.random.default_rng(0)
+    k, s = rng.uniform(0.1, 1.0, (2, GRID.size)), rng.uniform(1.0, 4.0, (2, GRID.size))
+    films = simulate_films(GRID, k, s, names="ab")
+    check(monkeypatch, "recover", lambda: recover_films(films))

@@ -56,13 +56,18 @@ def paints() -> list[Pigment]:
     return [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
 
 
+def red_film(paints, seen_by):
+    """What an instrument sees of a film of the red over two grounds, without its surface."""
+    k, s = optical_depths(paints[1:], [25e-6])
+    return np.asarray(film_response(seen_by).body(k, s, GROUNDS))
+
+
 @pytest.fixture(scope="module")
 def find(paints):
     """Identify one film of two paints over two grounds; options as given. All calls share their
     programs.
     """
-    k, s = optical_depths(paints[1:], [25e-6])
-    spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
+    spectrum = 0.04 + red_film(paints, Hemispherical())
 
     def call(**options):
         chosen: dict = {"max_paints": 1, **options}
@@ -106,9 +111,8 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     are right.
     """
     seen_by = Instrument(Hemispherical(30.0), 1.3)
-    k, s = optical_depths(paints[1:], [25e-6])
     surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
-    spectrum = surface + np.asarray(film_response(seen_by).body(k, s, GROUNDS))
+    spectrum = surface + red_film(paints, seen_by)
     found = identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, instrument=seen_by)
     assert found.ranked(0)[0].paints == ("Vermillion",)
     assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)

@@ -69,7 +69,7 @@ def ladder(paint, k, s, coats, seed=0, spread=0.0):
 
 
 def recovered(rows, **given):
-    return recover_coats(table(rows), **({"instrument": INSTRUMENT, "noise": NOISE} | given))
+    return recover_coats(table(rows), instrument=INSTRUMENT, noise=NOISE, **given)
 
 
 @pytest.mark.parametrize(
