@@ -45,5 +45,4 @@ def test_recipes(monkeypatch):
 def test_recovery_film_by_film(monkeypatch):
     rng = np.random.default_rng(0)
     k, s = rng.uniform(0.1, 1.0, (2, GRID.size)), rng.uniform(1.0, 4.0, (2, GRID.size))
-    films = simulate_films(GRID, k, s, names="ab")
-    check(monkeypatch, "recover", lambda: recover_films(films))
+    check(monkeypatch, "recover", lambda: recover_films(simulate_films(GRID, k, s, names="ab")))

@@ -70,8 +70,7 @@ def find(paints):
     spectrum = 0.04 + red_film(paints, Hemispherical())
 
     def call(**options):
-        chosen: dict = {"max_paints": 1, **options}
-        return identify(GRID, spectrum[None], paints, ground=GROUNDS, **chosen)
+        return identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, **options)
 
     return call
 
