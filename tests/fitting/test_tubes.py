@@ -192,16 +192,14 @@ def test_bare_cards_read_as_the_films_model_says(geometry):
 
 @pytest.mark.slow
 def test_film_by_film_at_45_0():
-    instrument = Instrument.parse("45:0")
-    films = simulate_films(
-        GRID, BLUE[:1], BLUE[1:], names=["a"], instrument=instrument, noise=Noise(1e-4, 0.0)
-    )
-    found = recover_films(films, instrument=instrument, noise=Noise(1e-4, 0.0))
+    quiet = Noise(1e-4, 0.0)
+    films = simulate_films(GRID, BLUE[:1], BLUE[1:], names=["a"], instrument="45:0", noise=quiet)
+    found = recover_films(films, instrument="45:0", noise=quiet)
     known = found.identifiable[0]
     assert known.mean() > 0.7
     assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
     with refusal("fit jointly"):
-        recover_films(replace(films, seen=np.array([[True, False]])), instrument=instrument)
+        recover_films(replace(films, seen=np.array([[True, False]])), instrument="45:0")
 
 
 def fitted(films, instrument=INSTRUMENT, **given):
@@ -211,9 +209,8 @@ def fitted(films, instrument=INSTRUMENT, **given):
     )
 
 
-@pytest.mark.parametrize("geometry", ["d:8", "45:0"])
-def test_a_masstone_and_a_tint_with_a_known_white(geometry):
-    instrument = Instrument.parse(geometry)
+@pytest.mark.parametrize("instrument", ["d:8", "45:0"])
+def test_a_masstone_and_a_tint_with_a_known_white(instrument):
     found = fitted(painted(instrument=instrument), instrument, pigments=KNOWN)
     assert found.known == ("White",)
     row = found.row("Blue")

@@ -27,7 +27,7 @@ from glazefit.recover.joint.joint import UNIT
 from glazefit.recover.predict.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
 from glazefit.recover.predict.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_mixture, read_recipe
-from glazejax import Instrument, Pigment, catalogue, colour
+from glazejax import Pigment, catalogue, colour
 
 from ..refusals import refusal
 from .palette import GRID, optical_depths
@@ -453,9 +453,7 @@ def test_command_refuses_in_one_line(run, tmp_path, paints):
     [("D65", "10", 10, "d:8"), ("A", "2", 2, "d:8"), ("D65", "10", 10, "45:0")],
 )
 def test_light_and_eye_reach_the_colours(run, light, eye, degrees, geometry):
-    (paint,) = predict_mixture(
-        catalogue.load(), {"Vermillion": 1.0}, [10e-6], instrument=Instrument.parse(geometry)
-    )
+    (paint,) = predict_mixture(catalogue.load(), {"Vermillion": 1.0}, [10e-6], instrument=geometry)
     words = ["--illuminant", light, "--observer", eye, "--instrument", geometry]
     out, _ = run("Vermillion", "--thickness", "10um", *words)
     lab = np.asarray(
