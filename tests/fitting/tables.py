@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 from glazefit import Films
+from glazejax.io import write_table
 
 
 def write_films(path: Path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0) -> Path:
@@ -17,12 +18,13 @@ def write_films(path: Path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0
         "ow": films.over_white,
         "": films.over_white,
     }
-    rows = [["Name", *(f"{nm:g}" for nm in films.wavelengths)]]
-    for i, name in enumerate(films.names):
-        for end in ends:
-            values = (f"{scale * value:.6f}" for value in arrays[end][i])
-            rows.append([f"{name}_{end}" if end else name, *values])
-    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    titles = ["Name", *(f"{nm:g}" for nm in films.wavelengths)]
+    rows = [
+        [f"{name}_{end}" if end else name, *(scale * arrays[end][i])]
+        for i, name in enumerate(films.names)
+        for end in ends
+    ]
+    write_table(path, titles, rows, overwrite=True)
     return path
 
 

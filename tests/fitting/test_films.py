@@ -9,6 +9,7 @@ from glazefit import Films, Instrument, Noise, read_films, read_loose_films
 from glazefit.film.films import bare_surface, card_readings, card_reflectance
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
+from glazejax.io import write_table
 
 from ..refusals import refusal
 
@@ -165,7 +166,7 @@ def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(t
     bands = [f"{word}_{nm:g}nm" for word in ("SCI", "SCE") for nm in grid]
     rows = [[f"red_{end}", *row, *(row - 0.04)] for end, row in values.items()]
     path = tmp_path / "films.csv"
-    path.write_text("\n".join(",".join(map(str, row)) for row in [["Name", *bands], *rows]))
+    write_table(path, ["Name", *bands], rows)
     films = read_films(path)
     assert films.names == ("red",)
     assert_array_equal(films.over_white[0], values["ow"])

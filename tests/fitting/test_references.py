@@ -18,7 +18,7 @@ from glazefit.identify.result.groups import FamilySet
 from glazefit.identify.show.terminal import _own_references
 from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
-from glazejax.io import SpectraTable
+from glazejax.io import SpectraTable, write_table
 
 from ..commands import invoke
 from ..refusals import refusal
@@ -121,9 +121,8 @@ def test_every_family_is_named_by_its_name():
 
 
 def write(path, rows, grid=GRID, titles=("Name",)):
-    lines = [",".join([*titles, *(f"{band:g}" for band in grid)])]
-    lines += [",".join([*names, *(f"{value:.5f}" for value in row)]) for names, row in rows]
-    path.write_text("\n".join(lines) + "\n")
+    header = [*titles, *(f"{band:g}" for band in grid)]
+    write_table(path, header, [[*names, *row] for names, row in rows])
     return path
 
 
