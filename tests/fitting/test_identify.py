@@ -61,17 +61,11 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
 BLIND = 18
 
 
-def extremes(paints):
-    """Flat readings, blue films from clear to opaque, and a curve that no paint has."""
-    flat = np.array([0.0, 0.04, 0.5, 0.97, 1.0])[:, None, None] * np.ones((2, GRID.size))
-    blue = films_of(paints, [{3: 1.0}] * 3, np.array([1e-9, 1e-6, 1e-3]))
-    comb = np.clip(0.45 + 0.35 * np.sin(GRID / 12.0), 0, 1) * np.ones((1, 2, 1))
-    return np.concatenate([flat, blue, comb])
-
-
 @pytest.fixture(scope="module")
 def blind(paints):
-    """Films of one paint and of two, and what was found in them."""
+    """Films of one paint and of two, and what was found in them; last flat readings, blue films from
+    clear to opaque, and a curve that no paint has.
+    """
     rng = np.random.default_rng(5)
     recipes = []
     for number in range(BLIND):
@@ -81,9 +75,11 @@ def blind(paints):
         )
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(BLIND))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=1.0)
-    found = identify(
-        GRID, np.concatenate([spectra, extremes(paints)]), paints, ground=GROUNDS, keep=300
-    )
+    flat = np.array([0.0, 0.04, 0.5, 0.97, 1.0])[:, None, None] * np.ones((2, GRID.size))
+    blue = films_of(paints, [{3: 1.0}] * 3, np.array([1e-9, 1e-6, 1e-3]))
+    comb = np.clip(0.45 + 0.35 * np.sin(GRID / 12.0), 0, 1) * np.ones((1, 2, 1))
+    readings = np.concatenate([spectra, flat, blue, comb])
+    found = identify(GRID, readings, paints, ground=GROUNDS, keep=300)
     return recipes, thickness, found
 
 

@@ -18,7 +18,7 @@ from glazefit.identify.show.explanation import explanations
 from glazefit.identify.show.family_record import make_family_record, table_rows
 from glazefit.identify.show.figures import fits_to_draw, plot_axes
 from glazefit.identify.show.terminal import write_residuals
-from glazejax import Pigment, catalogue
+from glazejax import Pigment
 
 from .tables import read_rows
 from .test_identify_page import ABOUT, Parsed, html, plots
@@ -31,9 +31,9 @@ RED = 0.06 + 0.7 / (1.0 + np.exp(-(GRID - 600.0) / 12.0))
 
 
 @pytest.fixture(scope="module")
-def shelf():
+def shelf(shelf):
     """Exemplars of some families."""
-    return [paint for paint in catalogue.load("pigments").values() if paint.family in FAMILIES]
+    return [paint for paint in shelf if paint.family in FAMILIES]
 
 
 @pytest.fixture(scope="module")

@@ -88,8 +88,8 @@ def identification(names=NAMES, grid=GRID, opaque=False):
     return found
 
 
-def record(found, about=ABOUT, names=NAMES, top=2):
-    return make_record(found, np.full(found.fitted.shape, 0.01), about, names, top)
+def record(found, about=ABOUT, names=NAMES):
+    return make_record(found, np.full(found.fitted.shape, 0.01), about, names, 2)
 
 
 class Parsed:
@@ -522,12 +522,8 @@ def test_a_spot_is_printed_on_a_page(tmp_path, paper):
             "Page.printToPDF", {"paperWidth": paper[0], "paperHeight": paper[1]}
         )
     summary, method = 1, 1
-    assert pages(found["data"]) == summary + 3 + method
-
-
-def pages(data):
-    """Pages of a PDF, as base64."""
-    return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data)))
+    pages = re.findall(rb"/Type\s*/Page\b", base64.b64decode(found["data"]))
+    assert len(pages) == summary + 3 + method
 
 
 def test_a_large_catalogue_is_listed_in_the_json_alone():

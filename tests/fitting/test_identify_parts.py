@@ -184,14 +184,6 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     assert_allclose(few.logs, many.logs, atol=0.01)
 
 
-def _misfits(problem, white, spectra, members, amounts):
-    """Squared misfit of one film to each spectrum."""
-    response, paints, ground, _ = problem
-    k, s = (amounts @ np.asarray(a)[members] for a in paints)
-    film = np.asarray(response.body(k, s, np.asarray(ground[0]))).ravel()
-    return np.sum(((spectra - film) @ white.T) ** 2, axis=-1)
-
-
 def test_few_components_lose_only_what_films_have_in_common():
     """A table of more readings than components: misfits differ by the same for all films, next to
     what tells them.
@@ -238,10 +230,11 @@ def test_triples_are_scored_by_the_least_misfit_of_what_is_tried(problem):
     given = (jnp.asarray(a) for a in (sets, tries, grounds, spectra @ white.T, white))
     least, where = score(response, paints, *given)
     for row, n in np.ndindex(2, 2):
-        every = [
-            _misfits(problem, white, spectra, sets[row, n], amounts)[row]
-            for amounts in tries[row, n]
-        ]
+        every = []
+        for amounts in tries[row, n]:
+            k, s = (amounts @ np.asarray(part)[sets[row, n]] for part in paints)
+            film = np.asarray(response.body(k, s, ground)).ravel()
+            every.append(np.sum(((spectra[row] - film) @ white.T) ** 2))
         assert float(least[row, n]) == pytest.approx(min(every), rel=1e-9)
         assert int(where[row, n]) == int(np.argmin(every))
 

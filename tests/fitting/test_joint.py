@@ -88,7 +88,12 @@ def small(request):
         assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
         assumed[2:4, 1], opaque[5] = True, True
         films = replace(films, assumed=assumed, opaque=opaque)
-        told = {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6})
+        k, s = truth()
+        modes = 0.1 * rng.standard_normal((3, 2, GRID.size))
+        white = Pigment(
+            "ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine"
+        )
+        told = {"ZincWhite": white}, Gauge({"tint": 30e-6})
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, paints, *told, 25e-6, expected)
     shares = MixingLaw().shares(weights, paints)
@@ -104,14 +109,6 @@ def small(request):
         jnp.asarray(rng.normal(0, 0.5, len(problem.thickness_modes))),
     )
     return problem, film_response(Instrument().geometry), point
-
-
-def known_white(rng):
-    k, s = truth()
-    modes = 0.1 * rng.standard_normal((3, 2, GRID.size))
-    return Pigment(
-        "ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine"
-    )
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import numpy as np
 import optimistix as optx
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import lsq_linear
 
 from glazefit.film.numerics.least_squares import (
     Bounds,
@@ -147,23 +148,6 @@ def test_numpys_descent_ends_where_the_cost_has_no_slope():
     assert_allclose(found.point, target, atol=1e-5)
 
 
-def quadratics():
-    """Sums of squares |A x - b|^2, and what `descend_within` sees of them."""
-    matrix = RNG.standard_normal((12, 6, 3))
-    right = 2.0 * RNG.standard_normal((12, 6))
-
-    def look(rows, points):
-        miss = np.einsum("nrm,nm->nr", matrix[rows], points) - right[rows]
-        flipped = np.swapaxes(matrix[rows], 1, 2)
-        return Looks(
-            cost=np.sum(miss**2, axis=1),
-            slope=(flipped @ miss[..., None])[..., 0],
-            curvature=flipped @ matrix[rows],
-        )
-
-    return matrix, right, look
-
-
 def test_descent_within_bounds_follows_a_narrow_valley():
     """The first full step leads far beyond the longest, and both unknowns stop there: in other
     proportions than the valley's the step would lead up its side.
@@ -186,22 +170,26 @@ def test_descent_within_bounds_follows_a_narrow_valley():
 
 
 def test_descent_within_bounds_ends_at_the_best_point_inside():
-    optimize = pytest.importorskip("scipy.optimize")
-    matrix, right, look = quadratics()
+    # Sums of squares |A x - b|^2.
+    matrix = RNG.standard_normal((12, 6, 3))
+    right = 2.0 * RNG.standard_normal((12, 6))
+
+    def look(rows, points):
+        miss = np.einsum("nrm,nm->nr", matrix[rows], points) - right[rows]
+        flipped = np.swapaxes(matrix[rows], 1, 2)
+        return Looks(
+            cost=np.sum(miss**2, axis=1),
+            slope=(flipped @ miss[..., None])[..., 0],
+            curvature=flipped @ matrix[rows],
+        )
+
     bounds = Bounds(np.full(3, -0.5), np.array([0.5, 0.4, 0.3]), 0.3)
     start = np.zeros((len(matrix), 3))
     seen = look(np.arange(len(matrix)), start)
-    found = descend_within(
-        look,
-        start,
-        seen,
-        bounds,
-        promise=1e-9,
-        max_steps=60,
-    )
+    found = descend_within(look, start, seen, bounds, promise=1e-9, max_steps=60)
     assert found.settled.all()
     for a, b, x in zip(matrix, right, found.point, strict=True):
-        best = optimize.lsq_linear(a, b, (bounds.low, bounds.high), tol=1e-14).x
+        best = lsq_linear(a, b, (bounds.low, bounds.high), tol=1e-14).x
         assert_allclose(x, best, atol=3e-4)
     # The start is the caller's: nothing of it changes.
     assert_array_equal(start, 0.0)
