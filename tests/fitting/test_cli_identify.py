@@ -56,10 +56,7 @@ def table(tmp_path_factory):
             "films.csv --report report.pdf",
             "--report report.pdf: a report ends in .html, such as report.html",
         ),
-        (
-            "films.csv --report a.html --csv a.csv",
-            "the table of --report and --csv are both a.csv",
-        ),
+        ("films.csv --report a.html --csv a.csv", "the table of --report and --csv are both a.csv"),
         (
             "films.csv --report films.html",
             "the table of --report is films.csv, a file that is read",

@@ -35,11 +35,7 @@ def test_identification(monkeypatch):
 
 def test_recipes(monkeypatch):
     target = lab_target((60.0, 20.0, 20.0))
-    check(
-        monkeypatch,
-        "recipe",
-        lambda: find_recipes(target, PALETTE[:3], max_paints=2, count=1),
-    )
+    check(monkeypatch, "recipe", lambda: find_recipes(target, PALETTE[:3], max_paints=2, count=1))
 
 
 def test_recovery_film_by_film(monkeypatch):

@@ -58,11 +58,7 @@ def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
     ("change", "specular", "words"),
     [
         (lambda a, b: (b, a), True, "are the files swapped"),
-        (
-            lambda a, b: (a, replace(b, names=("x", "y", "z"))),
-            True,
-            "no film was read both ways",
-        ),
+        (lambda a, b: (a, replace(b, names=("x", "y", "z"))), True, "no film was read both ways"),
         (lambda a, b: (a, replace(b, wavelengths=GRID + 1)), True, "on one grid"),
         (lambda a, b: (a, b), False, "leaves the specular part out"),
     ],

@@ -182,10 +182,7 @@ def film(seed=0):
 
 SAMPLERS = pytest.mark.parametrize(
     "short",
-    [
-        {"sampler": "hmc", "walkers": 16},
-        slow({"sampler": "emcee", "walkers": 16}),
-    ],
+    [{"sampler": "hmc", "walkers": 16}, slow({"sampler": "emcee", "walkers": 16})],
     ids=["hmc", "emcee"],
 )
 

@@ -240,8 +240,7 @@ def test_a_set_that_holds_the_most_probable_paint_is_the_headline():
 
 def test_what_is_not_explained_names_the_film_that_is_nearest():
     found = answer(
-        film(0.05, 0, CURVE + 0.2, CobaltBlue=1.0),
-        film(0.03, 0, CURVE + 0.03, LeadWhite=1.0),
+        film(0.05, 0, CURVE + 0.2, CobaltBlue=1.0), film(0.03, 0, CURVE + 0.03, LeadWhite=1.0)
     )
     first, second = found.ranked(0)
     assert second.delta_e < first.delta_e

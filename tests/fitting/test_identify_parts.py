@@ -21,12 +21,7 @@ from glazefit.film.model.errors import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
-from glazefit.identify.search.fit import (
-    Weights,
-    fit_films,
-    log_prior,
-    log_set_prior,
-)
+from glazefit.identify.search.fit import Weights, fit_films, log_prior, log_set_prior
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
@@ -67,9 +62,7 @@ def test_random_errors_of_the_model_have_its_covariance():
     d = ModelError()
     errors = draw_model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
     assert_allclose(
-        np.cov(errors.T) / d.amplitude**2,
-        model_correlation(GRID, 2, d.length, d.shared),
-        atol=0.03,
+        np.cov(errors.T) / d.amplitude**2, model_correlation(GRID, 2, d.length, d.shared), atol=0.03
     )
 
 

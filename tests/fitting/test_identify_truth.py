@@ -8,11 +8,7 @@ from benchmarks.results import read
 from numpy.testing import assert_allclose
 
 from glazefit import Identification, identify
-from glazefit.film.model.errors import (
-    error_modes,
-    modes_covariance,
-    relative_errors,
-)
+from glazefit.film.model.errors import error_modes, modes_covariance, relative_errors
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each

@@ -94,10 +94,7 @@ def test_stuck_or_tiny_chain_has_not_converged():
     assert "too few" in judged(tiny).words()
 
 
-@pytest.mark.parametrize(
-    ("sampler", "steps"),
-    [("emcee", "300"), slow("hmc", "10")],
-)
+@pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), slow("hmc", "10")])
 def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     import arviz
 
@@ -133,19 +130,10 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
         ("--simulate --bands --paints oils:ZincWhite --out x", "--bands assumes none"),
         ("none.tsv --out x", "none.tsv"),
         ("none.tsv --bands --paints ZincWhite --out x", "assumes no paint"),
-        (
-            "none.tsv --coats Eosin:? --bands --out x",
-            "leave out --bands, or leave out --coats",
-        ),
-        (
-            "none.tsv --coats Eosin:? --paints Eosin --out x",
-            "leave out --paints",
-        ),
+        ("none.tsv --coats Eosin:? --bands --out x", "leave out --bands, or leave out --coats"),
+        ("none.tsv --coats Eosin:? --paints Eosin --out x", "leave out --paints"),
         ("--simulate --coats Eosin --out x", "write PAINT:THICKNESS"),
-        (
-            "--simulate --coats ?:?,ZincWhite:20um --out x",
-            "name a paint in its place",
-        ),
+        ("--simulate --coats ?:?,ZincWhite:20um --out x", "name a paint in its place"),
         (
             "none.tsv --sampler nuts --out x",
             "--sampler is 'nuts'; it must be hmc, emcee or importance",

@@ -3,15 +3,7 @@
 import numpy as np
 import pytest
 
-from glazefit import (
-    Films,
-    Noise,
-    Posterior,
-    Prediction,
-    Recovery,
-    Variation,
-    reading_over,
-)
+from glazefit import Films, Noise, Posterior, Prediction, Recovery, Variation, reading_over
 from glazefit.recover.predict.crossvalidation import LeftOut
 from glazejax.appearance import Mesh
 

@@ -6,13 +6,7 @@ from numpy.testing import assert_allclose
 
 from glazefit.film.model import response
 from glazefit.film.model.optics import Optics
-from glazefit.film.model.response import (
-    _NODES,
-    HIGHEST,
-    SHIPPED,
-    _load_shipped,
-    film_response,
-)
+from glazefit.film.model.response import _NODES, HIGHEST, SHIPPED, _load_shipped, film_response
 from glazefit.film.model.spline import BEND
 from glazejax import Bidirectional, Hemispherical
 from glazejax.geometry import Instrument

@@ -10,9 +10,7 @@ from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
 from glazefit.identify.search.task import Measured
-from glazefit.identify.search.unstated_conditions import (
-    remove_varnish,
-)
+from glazefit.identify.search.unstated_conditions import remove_varnish
 from glazejax import Bidirectional, Hemispherical, catalogue
 from glazejax.geometry import resolve_instrument
 
@@ -109,8 +107,7 @@ def film_of(paint, depth):
 
 
 @pytest.mark.parametrize(
-    ("stated", "under"),
-    [("none", False), ("thin", True), ("unknown", True), ("yellowed", True)],
+    ("stated", "under"), [("none", False), ("thin", True), ("unknown", True), ("yellowed", True)]
 )
 def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
     """A film of one paint under a varnish: nobody sees a varnish who states that there is none."""
