@@ -13,56 +13,51 @@ GRID = np.arange(400.0, 701.0, 10.0)
 DARK, LIGHT = np.full((5, GRID.size), 0.1), np.full((5, GRID.size), 0.8)
 NAMES = ("01A", "02A", "03A", "04A", "05A")
 ON = "400-700 nm step 10 (31 bands)"
-
-
-def films():
-    return Films(NAMES, GRID, DARK, LIGHT, DARK, LIGHT)
-
-
-def reading():
-    return reading_over(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
-
-
-def recovery():
-    yes = np.arange(5 * GRID.size).reshape(5, -1) % 2 == 0
-    return Recovery(
-        films(),
-        LIGHT,
-        LIGHT,
-        np.ones((5, GRID.size, 2, 2)),
-        yes,
-        np.ones(5),
-        DARK,
-        LIGHT,
-        DARK,
-        yes,
-        ~yes,
-    )
-
-
-def prediction():
-    off = {"film": np.zeros((2, 2, GRID.size))}
-    return Prediction("a tint", GRID, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation())
+FILMS = Films(NAMES, GRID, DARK, LIGHT, DARK, LIGHT)
+READING = reading_over(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
+SEPARABLE = np.arange(5 * GRID.size).reshape(5, -1) % 2 == 0
+RECOVERY = Recovery(
+    FILMS,
+    LIGHT,
+    LIGHT,
+    np.ones((5, GRID.size, 2, 2)),
+    SEPARABLE,
+    np.ones(5),
+    DARK,
+    LIGHT,
+    DARK,
+    SEPARABLE,
+    ~SEPARABLE,
+)
+PREDICTION = Prediction(
+    "a tint",
+    GRID,
+    DARK[0],
+    LIGHT[0],
+    ("Eosin", "ZincWhite"),
+    {"film": np.zeros((2, 2, GRID.size))},
+    Variation(),
+)
 
 
 @pytest.mark.parametrize(
     ("result", "line"),
     [
-        (films(), f"Films(5 films, {ON}: 01A, 02A, 03A and 2 more)"),
-        (reading(), f"Reading('spot' over the ground, {ON})"),
+        (FILMS, f"Films(5 films, {ON}: 01A, 02A, 03A and 2 more)"),
+        (READING, f"Reading('spot' over the ground, {ON})"),
         (
             identification(NAMES),
             "Identification(5 spectra among 5 paints; '01A': Red + White, '02A': Red + White, "
             "'03A': Red + White, and 2 more)",
         ),
         (
-            recovery(),
+            RECOVERY,
             f"Recovery(5 films, {ON}, k and s separable in 50% of bands: 01A, 02A, 03A and 2 more)",
         ),
-        (prediction(), f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
-        (LeftOut((prediction(),), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),
+        (PREDICTION, f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
+        (LeftOut((PREDICTION,), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),
         (
-            Posterior(None, (reading(),), None, None),  # type: ignore[arg-type]
+            Posterior(None, (READING,), None, None),  # type: ignore[arg-type]
             "Posterior('spot': nothing was sampled: these are Laplace's standard errors)",
         ),
         (
