@@ -31,6 +31,7 @@ from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectanc
 
 from ..slow import slow
 from .grids import every_pair
+from .palette import optical_depths
 
 GRID = np.arange(420.0, 701.0, 20.0)
 GROUND = np.linspace(0.6, 0.85, GRID.size)
@@ -46,12 +47,8 @@ def oils():
 
 
 def in_usual_coats(paints, *grounds):
-    k, s = (
-        np.array([np.asarray(getattr(paint, part)) for paint in paints])
-        for part in ("absorption", "scattering")
-    )
     return CoatedFilms(
-        coefficients=25e-6 * np.array([k, s]),
+        coefficients=np.array(optical_depths(paints, 25e-6 * np.eye(len(paints)))),
         grounds=np.array(grounds or [GROUND]),
         optics=Optics.of("45:0"),
         response=film_response("45:0"),
