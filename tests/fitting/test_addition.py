@@ -32,7 +32,7 @@ def calibrated(paints, weak):
 @pytest.fixture(scope="module")
 def metres(calibrated):
     """Of the film that was read."""
-    return float(calibrated.thickness[0]) * 25e-6
+    return calibrated.thickness[0] * 25e-6
 
 
 def add(calibrated, paints, colour, batch=100.0):

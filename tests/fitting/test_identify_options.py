@@ -96,7 +96,7 @@ def test_each_option_changes_what_it_should(find):
     for thickness in (10e-6, 40e-6):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
         assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
-    often, rarely = (float(find(prior=Prior(unknown=unknown)).none[0]) for unknown in (0.9, 0.01))
+    often, rarely = (find(prior=Prior(unknown=unknown)).none[0] for unknown in (0.9, 0.01))
     assert often / (1.0 - often) > 100.0 * rarely / (1.0 - rarely)
 
 
@@ -110,8 +110,8 @@ def test_a_film_is_computed_as_its_instrument_reads_it(paints):
     spectrum = surface + red_film(paints, seen_by)
     found = identify(GRID, spectrum[None], paints, ground=GROUNDS, max_paints=1, instrument=seen_by)
     assert found.ranked(0)[0].paints == ("Vermillion",)
-    assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
-    assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
+    assert found.amounts[0, 0, 0] == pytest.approx(25e-6, rel=0.01)
+    assert found.gloss[0, 0] == pytest.approx(1.0, abs=0.05)
     assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 

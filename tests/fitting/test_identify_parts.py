@@ -111,7 +111,7 @@ def test_prior_of_fractions_and_thickness_integrates_to_one():
     density = jax.vmap(
         lambda logs: log_prior(logs, jnp.ones(2, bool), jnp.asarray(0.7), jnp.asarray(1.0))
     )(every_pair(u))
-    assert float(np.exp(density).sum() * (u[1] - u[0]) ** 2) == pytest.approx(1.0, abs=2e-3)
+    assert np.exp(density).sum() * (u[1] - u[0]) ** 2 == pytest.approx(1.0, abs=2e-3)
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def pool(misfit, log_weight=0.0, sets=None):
 def none_to_one(misfit, unknown=0.4, noise=0.0):
     """Odds of none against the only candidate."""
     odds = odds_of(film(noise), pool([misfit]), Prior(unknown=unknown))
-    return float(odds.none[0] / odds.candidates[0, 0])
+    return odds.none[0] / odds.candidates[0, 0]
 
 
 def test_none_by_bayes_rule():
@@ -84,8 +84,8 @@ def test_a_fit_without_any_residual_is_as_good_as_one_of_a_tenth():
     """Nothing of a film is known so well; the misfit stays a number whose logarithm counts."""
     for misfit in (0.0, 0.05, 0.1):
         _, none, met, *_ = odds_of(film(), pool([misfit]), Prior())
-        assert float(met[0]) == pytest.approx(0.1)
-        assert 0.0 < float(none[0]) < 0.01
+        assert met[0] == pytest.approx(0.1)
+        assert 0.0 < none[0] < 0.01
 
 
 def test_evidence_ranks_candidates_that_look_alike():
@@ -106,4 +106,4 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     assert_allclose(
         found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]]
     )
-    assert float(found.none[0]) == pytest.approx(1.0 - share.sum())
+    assert found.none[0] == pytest.approx(1.0 - share.sum())

@@ -192,7 +192,7 @@ def test_steps_end_where_the_cost_has_no_slope(small):
     assert descent.settled
     assert descent.steps < 90
     before, after = look(problem, response, point), look(problem, response, end)
-    assert float(after.cost) < 0.1 * float(before.cost)
+    assert after.cost < 0.1 * before.cost
     assert np.abs(after.gradient).max() < 1e-3 * np.abs(before.gradient).max()
 
 

@@ -108,7 +108,7 @@ def test_what_is_expected_of_a_coat_tells_what_one_coat_does_not():
     # Brushed thick: a coat hides far more than films usually do.
     asked = ladder("Red", RED, 3.5, 2, seed=9)
     off = [
-        float(predict_next_coat(found, "Red", 2, GROUND).delta_e(asked[1][1]))
+        predict_next_coat(found, "Red", 2, GROUND).delta_e(asked[1][1])
         for found in (
             recovered([asked[0]], expected=CoatScattering(np.log(3.5), 0.3)),
             recovered([asked[0]], expected=CoatScattering(-2.0, 0.3)),
@@ -130,8 +130,8 @@ def test_two_coats_foretell_the_third_better_than_the_second_does():
     rows = ladder("Blue", BLUE, 0.1, 3)
     found = recovered(rows[:2])
     third = predict_next_coat(found, "Blue", 3, GROUND)
-    same = float(delta_e_of_spectra(GRID, rows[1][1], rows[2][1], observer=10))
-    assert float(third.delta_e(rows[2][1])) < 0.7 * same
+    same = delta_e_of_spectra(GRID, rows[1][1], rows[2][1], observer=10)
+    assert third.delta_e(rows[2][1]) < 0.7 * same
     assert third.expected_error() > 0
     # Over another ground too.
     dark = np.full(GRID.size, 0.2)

@@ -178,7 +178,7 @@ def test_a_patch_is_integrated_over_shares_above_zero():
     rng = np.random.default_rng(2)
     patch, seen = rng.normal(size=(2, 5))
     for sign in (1.0, -1.0):
-        length, product = float(patch @ patch), float(sign * patch @ seen)
+        length, product = patch @ patch, sign * patch @ seen
 
         exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
         found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]))

@@ -14,7 +14,7 @@ from glazefit.recover.joint.joint import recover_jointly
 from glazefit.recover.predict.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
 
-OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))
+OF_SIZE_ONE = Variation(np.equal(SIZES, 1.0).astype(float))
 NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0)
 
 

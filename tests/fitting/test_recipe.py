@@ -89,9 +89,7 @@ def test_colour_differences_are_those_of_colour_science(found, known):
     wanted, got = labs(known), labs(best.reflectance)
     assert best.delta_e["D65"] == pytest.approx(delta_e(got["D65"], wanted["D65"]), abs=1e-9)
     assert best.metamerism == pytest.approx(delta_e(got["A"], wanted["A"]), abs=1e-9)
-    assert best.rmse == pytest.approx(
-        float(np.sqrt(np.mean((best.reflectance - known) ** 2))), abs=1e-12
-    )
+    assert best.rmse == pytest.approx(np.sqrt(np.mean((best.reflectance - known) ** 2)), abs=1e-12)
 
 
 def test_numbers_are_round_and_within_the_limits(found):

@@ -116,7 +116,7 @@ def test_exact_spectra_give_exact_values():
         over = [reflectance(Glaze([coat], card), seen, tolerance=1e-6) for coat in coats]
         bare = reflectance(Glaze([], card), seen)
         spectra[f"over_{name}"] = np.stack(over)
-        spectra[f"bare_{name}"] = np.full((4, GRID.size), float(bare[0]))
+        spectra[f"bare_{name}"] = np.full((4, GRID.size), bare[0])
     films = replace(simulate_films(GRID, k, s, names="abcd"), **spectra)
     recovery = recover_films(films)
     use = recovery.identifiable

@@ -201,7 +201,7 @@ def test_cards_and_tints_tell_scattering(odd):
         )
         assert spread < 0.6 * as_usual, paint.name
     # Paints in tints keep their strength beside one another.
-    strength = [float(np.median(np.asarray(p.pigment.scattering))) for p in read.paints[1:]]
+    strength = [np.median(p.pigment.scattering) for p in read.paints[1:]]
     assert strength[0] / strength[1] == pytest.approx(np.median(bent / white_s), rel=0.15)
 
 

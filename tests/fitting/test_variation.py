@@ -251,7 +251,7 @@ def test_what_a_reading_was_off_holds_over_the_other_card(paints):
     rough = over_white(films, over_white=wave * films.over_white)
     gauge = Gauge({films.names[0]: 400e-6})
     found = calibrate(paints, rough, gauge=gauge)
-    own = float(found.thickness[0]) * UNIT
+    own = found.thickness[0] * UNIT
     off, wide, others = [], [], []
     for alike in (0.0, 0.8, 1.0):
         same, other = predict(paints, own, 2.0 * own, calibrated=found, spread=Spread(alike=alike))

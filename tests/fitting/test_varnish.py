@@ -87,7 +87,7 @@ def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
         by_level = (off(0.0, level + 1e-4) - off(0.0, level - 1e-4)) / 2e-4
         ratio = found.doubt[0, 0, 0] / by_level
         assert_allclose(ratio, ratio.mean(), rtol=0.02)
-        spreads[level] = float(ratio.mean())
+        spreads[level] = ratio.mean()
     # A standard deviation less is still a varnish, and the two levels leave no gap.
     assert all(0.0 < spread < level for level, spread in spreads.items())
     assert 0.2 + spreads[0.2] > 0.6 - spreads[0.6]
