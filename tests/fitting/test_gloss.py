@@ -75,13 +75,11 @@ def test_haze_at_45_0_refuses_no_film_that_is_known(haze):
     oils = catalogue.load("oils")
     names = ("Vermillion", "CobaltBlue", "LeadWhite", "ChromeYellow", "BoneBlack", "Minium")
     paints = [oils[name] for name in names]
-    grid = np.asarray(paints[0].wavelengths)
+    grid = paints[0].wavelengths
     response = film_response(Bidirectional(45, 0))
     depth = 60e-6
     films = response.body(*optical_depths(paints, depth * np.eye(len(paints))), 0.8)
-    found = identify(
-        grid, np.asarray(films) + haze, oils, ground=0.8, instrument="45:0", max_paints=1
-    )
+    found = identify(grid, films + haze, oils, ground=0.8, instrument="45:0", max_paints=1)
     for row, name in enumerate(names):
         assert found.explained[row], found.words(row)
         assert name in found.ranked(row, 1)[0].paints[0]

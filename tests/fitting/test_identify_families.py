@@ -112,8 +112,7 @@ def test_colours_are_those_of_cie94_from_grey():
     grey, pink = read
     grid = np.arange(400.0, 701.0, 10.0)
     plain = features.with_one_gloss(np.where(grid > 580.0, 0.33, 0.29))
-    lab = np.asarray(colour.lab(grid, plain))
-    chroma = np.hypot(*lab[1:])
+    chroma = np.hypot(*colour.lab(grid, plain)[1:])
     assert np.hypot(*pink[1:]) == pytest.approx(chroma / (1 + 0.0225 * chroma), rel=0.05)
     assert np.hypot(*grey[1:]) < 0.2
     assert features.colours(np.arange(900.0, 1701.0, 10.0), np.full((1, 81), 0.5)) is None
@@ -241,7 +240,7 @@ def test_a_yellow_is_no_extender(search, shelf):
     templates = search.compared.templates
     extender = shelf[[paint.name for paint in shelf].index("barium sulphate/revigo-BariumSulphate")]
     body = templates.readings[templates.members[:, 0] == search.exemplars.index(extender)]
-    lightness, red, yellow = np.asarray(colour.lab(GRID, body[0]))
+    lightness, red, yellow = colour.lab(GRID, body[0])
     assert lightness > 85.0
     assert np.hypot(red, yellow) > 30.0
     possible = search._possible(body[:1])

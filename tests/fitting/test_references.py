@@ -167,7 +167,7 @@ def test_an_opaque_reference_has_the_ratio_that_the_solver_was_given(odd):
     readings = {"45:0": odd, "d:8": 0.04 + np.asarray(sphere)}
     for instrument, reading in readings.items():
         (paint,) = references_of(films_of({"PB29": reading}), instrument=instrument).paints
-        ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
+        ratio = paint.pigment.absorption / paint.pigment.scattering
         assert paint.coefficients == OPAQUE
         assert_allclose(ratio, K / S, rtol=0.02)
 
@@ -196,7 +196,7 @@ def test_cards_and_tints_tell_scattering(odd):
     alone = references({name: film(K, bent) for name in ("PB29", "PG7")}).paints
     for paint, opaque in zip(read.paints[:2], alone, strict=True):
         spread, as_usual = (
-            np.std(np.log(np.interp(GRID, p.wavelengths, np.asarray(p.scattering)) / bent)[VISIBLE])
+            np.std(np.log(np.interp(GRID, p.wavelengths, p.scattering) / bent)[VISIBLE])
             for p in (paint.pigment, opaque.pigment)
         )
         assert spread < 0.6 * as_usual, paint.name
@@ -210,7 +210,7 @@ def test_paint_that_hides_both_cards_has_a_ratio_alone():
     cards = {f"PB29_{card}": bare(ground) for card, ground in CARD.items()}
     (paint,) = references(spectra | cards).paints
     assert paint.coefficients == OPAQUE
-    ratio = np.asarray(paint.pigment.absorption / paint.pigment.scattering)
+    ratio = paint.pigment.absorption / paint.pigment.scattering
     assert_allclose(np.interp(GRID, paint.pigment.wavelengths, ratio), K / S, rtol=0.1)
 
 

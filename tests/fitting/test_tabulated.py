@@ -128,7 +128,7 @@ def test_an_identification():
     shelf = gj.catalogue.load()
     paints = {name: shelf[name] for name in ("CobaltBlue", "ZincWhite", "Vermillion")}
     glaze = gj.Glaze([gj.Layer(paints["CobaltBlue"], 5e-6)], 0.9)
-    spectrum = np.asarray(gj.reflectance(glaze, "d:8"))
+    spectrum = gj.reflectance(glaze, "d:8")
     grid = paints["CobaltBlue"].wavelengths
     found = identify(grid, spectrum[None], paints, ground=0.9, names=["spot"])
     data = check_units(found)

@@ -151,7 +151,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
         }
         other = mix(moved, TINT)
         pairs = ((other.absorption, found.absorption), (other.scattering, found.scattering))
-        total += np.array([np.log(np.asarray(a) / np.asarray(b)) / step for a, b in pairs]) ** 2
+        total += np.array([np.log(a / b) / step for a, b in pairs]) ** 2
     # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in
     # the mixture.
     tint = [paints[name] for name in TINT]
@@ -162,7 +162,7 @@ def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
     # And what the paints' standard deviations say beyond their modes.
     film += np.sum((part * relative_errors(tint, ModelError())) ** 2, axis=0)
     # Eight shapes hold nearly all of the smooth error.
-    assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
+    assert_allclose(np.sum(found.error_modes**2, axis=0), total + film, rtol=0.03)
 
 
 def test_one_reading_tells_the_strength(paints):

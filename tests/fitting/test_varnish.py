@@ -27,7 +27,7 @@ def test_varnish_on_a_diffuse_white_is_a_coat_that_only_absorbs(geometry):
     coat = 0.4 * yellow(GRID)
     bare = np.asarray(response.body(np.zeros_like(GRID), np.zeros_like(GRID), WHITE))
     depth, ground = jnp.asarray(coat)[:, None], jnp.full(GRID.size, WHITE)
-    solved = np.asarray(optics.body(depth, 0.0 * depth, ground, 1e-7))
+    solved = optics.body(depth, 0.0 * depth, ground, 1e-7)
     assert_allclose(under_varnish(response, bare, coat), solved, atol=3e-5)
 
 
@@ -112,7 +112,7 @@ def film_of(paint, depth):
 def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
     """A film of one paint under a varnish: nobody sees a varnish who states that there is none."""
     paints = [catalogue.pigment(name) for name in ("ZincWhite", "PrussianBlue")]
-    grid = np.asarray(paints[0].wavelengths)
+    grid = paints[0].wavelengths
     coat = (0.6 if stated == "yellowed" else 0.2) * yellow(grid)
     body = under_varnish(film_response(Hemispherical()), film_of(paints[0], 60e-6), coat)
     seen = body + resolve_instrument(None).seen_surface
@@ -127,7 +127,7 @@ def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
 @pytest.mark.slow
 def test_a_stated_varnish_that_is_not_there_weighs_little():
     paints = list(catalogue.load("oils").values())[:4]
-    grid = np.asarray(paints[0].wavelengths)
+    grid = paints[0].wavelengths
     seen = film_of(paints[0], 40e-6) + resolve_instrument(None).seen_surface
 
     def chance_without(stated):
