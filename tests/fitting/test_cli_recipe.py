@@ -74,11 +74,8 @@ def test_patches_of_a_chart(run, tmp_path):
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished(run, tmp_path, monkeypatch):
     def cut_short(task, progress):
-        yield from _first_of(real(task))
+        yield next(real(task))
         raise KeyboardInterrupt
-
-    def _first_of(groups):
-        yield next(groups)
 
     real = recipe.recipe_chunks
     monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
