@@ -21,6 +21,13 @@ GRID = np.arange(400.0, 701.0, 10.0)
 run = partial(invoke, "identify")
 
 
+def succeed(*words):
+    """A run that ends well."""
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    return result
+
+
 def said(result):
     """All that a command prints, on one line."""
     return " ".join(result.output.split())
@@ -179,9 +186,8 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
     end, start = os.pipe()
     with os.fdopen(start, "w") as pipe:
         pipe.write(text)
-    result = run(f"/dev/fd/{end}")
+    result = succeed(f"/dev/fd/{end}")
     os.close(end)
-    assert result.exit_code == 0, result.output
     assert "with the specular component included (SCI) are used" in said(result)
     assert [catalogue for catalogue, _ in searches] == ["pigments", "oils"]
     read = read_films(table)
@@ -199,8 +205,7 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     assert not file.exists()
     # What is told of families is not asked of the oils.
     words = f"{table} --samples red --csv {file} --overwrite --painted 1620 --elements Hg"
-    result = run(*words.split())
-    assert result.exit_code == 0, result.output
+    result = succeed(*words.split())
     asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
     assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]
     assert result.output.splitlines()[-1] == asked[1]
@@ -221,8 +226,7 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = shared_data / "hyperdoc" / "reflectance.tsv"
     words = f"{file} --opaque --instrument 45:0 --catalogue pigments --samples 01A,10A"
-    result = run(*f"{words} --painted 1200 --report {page}".split())
-    assert result.exit_code == 0, result.output
+    succeed(*f"{words} --painted 1200 --report {page}".split())
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
     assert "PB30" in text
@@ -247,13 +251,12 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
 @pytest.mark.slow
 def test_a_report_is_filed(table, tmp_path):
     page, ground = tmp_path / "report.html", flat(tmp_path / "ground.csv", 0.8)
-    paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
+    answers, residuals, picture = (tmp_path / name for name in ("a.csv", "r.csv", "a.png"))
     options = f"--ground {ground} --catalogue oils --max-paints 2 --report {page}".split()
     options += ["--samples", "red_ow,tint_ow", "--only", "Vermillion,ZincWhite,CobaltBlue"]
     subject = ("--object", "A <panel>", "--inventory", "A-1", "--spot", "sky")
-    files = ("--csv", paths[0], "--residuals", paths[1], "--out", paths[2])
-    result = run(table, *options, *subject, "--operator", "N. N.", *files)
-    assert result.exit_code == 0, result.output
+    files = ("--csv", answers, "--residuals", residuals, "--out", picture)
+    result = succeed(table, *options, *subject, "--operator", "N. N.", *files)
     assert f"Wrote the report to {page}" in said(result).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
@@ -277,10 +280,10 @@ def test_a_report_is_filed(table, tmp_path):
     assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
     assert "tint_ow" in page.read_text(encoding="utf-8")
     assert "Most probable" in result.output
-    first = {row["spectrum"]: row for row in read_rows(paths[0]) if row["rank"] == "1"}
+    first = {row["spectrum"]: row for row in read_rows(answers) if row["rank"] == "1"}
     assert first["red_ow"]["paint_1"] == "Vermillion"
-    residuals = read_rows(paths[1])
-    assert len(residuals) == 2 * GRID.size
-    left = float(residuals[0]["measured"]) - float(residuals[0]["fitted"])
-    assert left == pytest.approx(float(residuals[0]["residual"]), abs=1e-12)
-    assert paths[2].stat().st_size > 10_000
+    off, *others = read_rows(residuals)
+    assert len(others) == 2 * GRID.size - 1
+    left = float(off["measured"]) - float(off["fitted"])
+    assert left == pytest.approx(float(off["residual"]), abs=1e-12)
+    assert picture.stat().st_size > 10_000

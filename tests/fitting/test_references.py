@@ -43,7 +43,7 @@ def film(k, s, thickness=1e-3, ground=0.0):
         stack_reflectance_factor(
             (s / (k + s))[:, None],
             ((k + s) * thickness)[:, None],
-            np.broadcast_to(ground, GRID.shape),
+            ground,
             cos_incidence=0.5**0.5,
             tolerance=1e-5,
         )
