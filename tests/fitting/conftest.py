@@ -19,6 +19,17 @@ def run(command_line, request):
     return command_line(request.module.COMMAND, on_one_line=True)
 
 
+@pytest.fixture
+def refused(run):
+    """Whether a line of the command is refused in these words."""
+
+    def refuse(said, *words):
+        _, err = run(*words, fails=2)
+        assert said in err
+
+    return refuse
+
+
 @pytest.fixture(scope="module")
 def shelf() -> list[Pigment]:
     return list(catalogue.load("pigments").values())

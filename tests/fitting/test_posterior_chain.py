@@ -95,7 +95,7 @@ def test_stuck_or_tiny_chain_has_not_converged():
 
 
 @pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), slow("hmc", "10")])
-def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
+def test_command_writes_what_it_says(run, refused, tmp_path, sampler, steps):
     import arviz
 
     file = write(tmp_path / "films.tsv", film())
@@ -115,8 +115,7 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
     lines = (folder / "summary.csv").read_text().splitlines()
     assert len(lines) == 1 + 3 * bands
 
-    _, err = run(*options, fails=2)
-    assert "--overwrite" in err
+    refused("--overwrite", *options)
     run(*options, "--resume")
 
 
@@ -143,10 +142,9 @@ def test_command_writes_what_it_says(run, tmp_path, sampler, steps):
         ("none.tsv", "--out FOLDER"),
     ],
 )
-def test_command_errors_are_one_line(run, tmp_path, words, message):
+def test_command_errors_are_one_line(refused, tmp_path, words, message):
     (tmp_path / "none.tsv").touch()
-    _, err = run(*words.split(), fails=2)
-    assert message in err
+    refused(message, *words.split())
 
 
 def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(run, tmp_path, monkeypatch):
