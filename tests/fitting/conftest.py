@@ -20,8 +20,8 @@ def run(command_line, request):
 
 
 @pytest.fixture
-def refused(run):
-    """Whether a line of the command is refused in these words."""
+def check_refusal(run):
+    """Assert that the command refuses a line, in these words."""
 
     def refuse(said, *words):
         _, err = run(*words, fails=2)

@@ -108,7 +108,7 @@ def test_a_thickness_in_painters_terms(metres, words):
     assert "guess" in said
 
 
-def test_command_says_what_to_add(run, refused, tmp_path, weak):
+def test_command_says_what_to_add(run, check_refusal, tmp_path, weak):
     file = write_films(tmp_path / "mine.tsv", weak)
     asked = f"--lab 60,45,30 --after {file} --instrument d:8".split()
     mixed = ("--mixed", "10 Vermillion + 90 ZincWhite")
@@ -125,7 +125,7 @@ def test_command_says_what_to_add(run, refused, tmp_path, weak):
         ((*asked, *mixed, "--out", "x.png"), "--out is for recipes"),
         ((*asked, *mixed, "--batch", "-3"), "the batch is -3 g"),
     ):
-        refused(said, *words)
+        check_refusal(said, *words)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def succeed(*words):
     return result
 
 
-def said(result):
+def one_line(result):
     """All that a command prints, on one line."""
     return " ".join(result.output.split())
 
@@ -124,7 +124,7 @@ def no_search(monkeypatch):
 def test_a_whole_image_is_told_of_maps_before_it_is_searched(table, no_search, monkeypatch):
     """Nothing is searched here: the note comes first."""
     monkeypatch.setattr(command, "_MANY", 3)
-    words = said(run(table, "--opaque", "--catalogue", "oils"))
+    words = one_line(run(table, "--opaque", "--catalogue", "oils"))
     assert len(no_search) == 1
     assert "8 spectra are searched one by one" in words
     assert "glazejax map" in words
@@ -148,7 +148,7 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
     for start in (360, 722):
         file = flat(tmp_path / f"{start}.csv", 0.5, np.arange(start, 1001, 2))
         result = run(file, "--ground", ground, "--catalogue", "oils", "--only", "Vermillion")
-        words.append(said(result) + str(result.exception))
+        words.append(one_line(result) + str(result.exception))
     assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in words[0]
     assert "151 bands averaged to steps of 10 nm" in words[0]
     assert (
@@ -163,7 +163,7 @@ def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
 def test_readings_of_families_are_cut_where_the_ground_ends(tmp_path, no_search):
     ground = flat(tmp_path / "ground.csv", 0.8, np.arange(420, 701, 10))
     file = flat(tmp_path / "red.csv", 0.5, np.arange(380, 781, 2))
-    assert "cropped to 420-700 nm step 2 (141 bands): the ground is known there only" in said(
+    assert "cropped to 420-700 nm step 2 (141 bands): the ground is known there only" in one_line(
         run(file, "--ground", ground)
     )
     ((_, read, below),) = no_search
@@ -188,7 +188,7 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
         pipe.write(text)
     result = succeed(f"/dev/fd/{end}")
     os.close(end)
-    assert "with the specular component included (SCI) are used" in said(result)
+    assert "with the specular component included (SCI) are used" in one_line(result)
     assert [catalogue for catalogue, _ in searches] == ["pigments", "oils"]
     read = read_films(table)
     for _, films in searches:
@@ -257,7 +257,7 @@ def test_a_report_is_filed(table, tmp_path):
     subject = ("--object", "A <panel>", "--inventory", "A-1", "--spot", "sky")
     files = ("--csv", answers, "--residuals", residuals, "--out", picture)
     result = succeed(table, *options, *subject, "--operator", "N. N.", *files)
-    assert f"Wrote the report to {page}" in said(result).replace("- ", "-")
+    assert f"Wrote the report to {page}" in one_line(result).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
     assert list(filed["subject"].values()) == ["A <panel>", "A-1", "sky", "N. N."]

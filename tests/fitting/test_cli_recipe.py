@@ -87,14 +87,14 @@ def test_an_interrupt_keeps_what_is_finished(run, tmp_path, monkeypatch):
     assert [row["target"] for row in read_rows(tmp_path / "r.csv")] == ["red"]
 
 
-def test_a_wrong_line_is_said_before_a_file_that_exists(refused, tmp_path):
+def test_a_wrong_line_is_said_before_a_file_that_exists(check_refusal, tmp_path):
     (tmp_path / "recipes.png").write_bytes(b"mine")
     for words, message in (
         (["--lab", "50"], "three numbers"),
         (["--lab", "50,20,30", "--only", "Mauve"], "Mauve"),
         (["--lab", "50,20,30"], "recipes.png exists"),
     ):
-        refused(message, *words, "--out", "recipes.png")
+        check_refusal(message, *words, "--out", "recipes.png")
     assert (tmp_path / "recipes.png").read_bytes() == b"mine"
 
 

@@ -211,7 +211,7 @@ def tubes(tmp_path):
 
 
 @pytest.mark.slow
-def test_own_tubes_go_into_one_file(run, refused, tmp_path, tubes):
+def test_own_tubes_go_into_one_file(run, check_refusal, tmp_path, tubes):
     out, err = run(
         tubes("Blue", 590, ("b", "w", "ob", "ow")), "--white", "ZincWhite", "--into", "mine.csv"
     )
@@ -229,7 +229,7 @@ def test_own_tubes_go_into_one_file(run, refused, tmp_path, tubes):
     assert COARSE[int(np.argmax(mine["Red"].absorption))] == pytest.approx(480, abs=20)
     before = (tmp_path / "mine.csv").read_bytes()
     already = "in mine.csv already: Red, ZincWhite; --overwrite"
-    refused(already, tmp_path / "Red.tsv", "--into", "mine.csv")
+    check_refusal(already, tmp_path / "Red.tsv", "--into", "mine.csv")
     assert (tmp_path / "mine.csv").read_bytes() == before
     out, _ = run(*f"{tmp_path / 'Red.tsv'} --into mine.csv --white ZincWhite --overwrite".split())
     assert "(replaced: Red)" in out

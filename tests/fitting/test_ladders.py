@@ -231,8 +231,8 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
         ([], ("ow",), "", "the bare ground of 'Red 1 coat' was not read"),
     ],
 )
-def test_what_is_not_for_coats_is_refused(refused, tmp_path, more, ends, words, said):
+def test_what_is_not_for_coats_is_refused(check_refusal, tmp_path, more, ends, words, said):
     rows = [*ladder("Red", RED, 0.5, 1), *((name, GROUND, GROUND) for name in more)]
     file = write_films(tmp_path / "ladder.csv", table(rows), ends)
-    refused(said, file, "--out", "res", *words.split())
+    check_refusal(said, file, "--out", "res", *words.split())
     assert not (tmp_path / "res").exists()

@@ -95,7 +95,7 @@ def test_stuck_or_tiny_chain_has_not_converged():
 
 
 @pytest.mark.parametrize(("sampler", "steps"), [("emcee", "300"), slow("hmc", "10")])
-def test_command_writes_what_it_says(run, refused, tmp_path, sampler, steps):
+def test_command_writes_what_it_says(run, check_refusal, tmp_path, sampler, steps):
     import arviz
 
     file = write(tmp_path / "films.tsv", film())
@@ -115,7 +115,7 @@ def test_command_writes_what_it_says(run, refused, tmp_path, sampler, steps):
     lines = (folder / "summary.csv").read_text().splitlines()
     assert len(lines) == 1 + 3 * bands
 
-    refused("--overwrite", *options)
+    check_refusal("--overwrite", *options)
     run(*options, "--resume")
 
 
@@ -142,9 +142,9 @@ def test_command_writes_what_it_says(run, refused, tmp_path, sampler, steps):
         ("none.tsv", "--out FOLDER"),
     ],
 )
-def test_command_errors_are_one_line(refused, tmp_path, words, message):
+def test_command_errors_are_one_line(check_refusal, tmp_path, words, message):
     (tmp_path / "none.tsv").touch()
-    refused(message, *words.split())
+    check_refusal(message, *words.split())
 
 
 def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(run, tmp_path, monkeypatch):

@@ -158,7 +158,7 @@ def test_noise_is_told_from_roughness(floor, share):
         ]
     )
 
-    def estimated(noise, step=1):
+    def estimate(noise, step=1):
         some = k[:, ::step]
         films = simulate_films(
             grid[::step], some, np.ones_like(some), names="abcd", noise=noise, seed=2
@@ -166,11 +166,11 @@ def test_noise_is_told_from_roughness(floor, share):
         return estimate_noise(films)
 
     ends = np.array([0.05, 0.9])
-    assert estimated(Noise(floor, share)).sd(ends) == pytest.approx(floor + share * ends, rel=0.35)
+    assert estimate(Noise(floor, share)).sd(ends) == pytest.approx(floor + share * ends, rel=0.35)
     # A quiet instrument is taken for a usual one, and coarse spectra say nothing of noise.
-    quiet = estimated(Noise(1e-5, 0.0))
+    quiet = estimate(Noise(1e-5, 0.0))
     assert quiet.sd(ends[1:]) == pytest.approx(Noise().sd(ends[1:]), rel=0.1)
-    assert estimated(Noise(floor, share), 3) == Noise()
+    assert estimate(Noise(floor, share), 3) == Noise()
 
 
 def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():

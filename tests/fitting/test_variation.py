@@ -432,7 +432,7 @@ def test_command_learns_from_a_reading(run, tmp_path, paints):
     assert "to the next" not in out
 
 
-def test_command_refuses_in_one_line(refused, tmp_path, paints):
+def test_command_refuses_in_one_line(check_refusal, tmp_path, paints):
     two = write_films(tmp_path / "two.tsv", painted(paints, 9e-6, 20e-6))
     for words, said in (
         (["10 Vermillion + 90 ZincWhite", "--reading", two], "takes one film, and there are 2"),
@@ -444,7 +444,7 @@ def test_command_refuses_in_one_line(refused, tmp_path, paints):
         (["10 Vermillion + 90 Zinkweiss"], "Zinkweiss"),
         (["10 Vermillion + 90 ZincWhite", "--thickness", "0um"], "above 0"),
     ):
-        refused(said, *words)
+        check_refusal(said, *words)
 
 
 @pytest.mark.parametrize(
