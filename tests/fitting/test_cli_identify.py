@@ -12,20 +12,14 @@ from glazefit.identify import command, identify
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
-from tests.commands import invoke
+from tests.commands import invoke, succeed
 
 from .palette import optical_depths
 from .tables import read_rows, write_films
 
 GRID = np.arange(400.0, 701.0, 10.0)
 run = partial(invoke, "identify")
-
-
-def succeed(*words):
-    """A run that ends well."""
-    result = run(*words)
-    assert result.exit_code == 0, result.output
-    return result
+find = partial(succeed, "identify")
 
 
 def one_line(result):
@@ -74,12 +68,9 @@ def table(tmp_path_factory):
         ),
     ],
 )
-def test_wrong_options_are_one_error_before_anything_is_computed(
-    arguments, complaint, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
+def test_wrong_options_are_one_error_before_anything_is_computed(arguments, complaint, here):
     for name in ("films.csv", "mine.csv"):
-        (tmp_path / name).touch()
+        (here / name).touch()
     result = run(*arguments.split())
     assert isinstance(result.exception, ValueError | FileNotFoundError)
     assert complaint in str(result.exception)
@@ -186,7 +177,7 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
     end, start = os.pipe()
     with os.fdopen(start, "w") as pipe:
         pipe.write(text)
-    result = succeed(f"/dev/fd/{end}")
+    result = find(f"/dev/fd/{end}")
     os.close(end)
     assert "with the specular component included (SCI) are used" in one_line(result)
     assert [catalogue for catalogue, _ in searches] == ["pigments", "oils"]
@@ -205,7 +196,7 @@ def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     assert not file.exists()
     # What is told of families is not asked of the oils.
     words = f"{table} --samples red --csv {file} --overwrite --painted 1620 --elements Hg"
-    result = succeed(*words.split())
+    result = find(*words.split())
     asked = [line for line in result.output.splitlines() if line.startswith("Asked: ")]
     assert [line.split(",")[0] for line in asked] == ["Asked: pigments", "Asked: oils"]
     assert result.output.splitlines()[-1] == asked[1]
@@ -226,7 +217,7 @@ def test_a_report_by_family_is_filed(shared_data, tmp_path):
     page = tmp_path / "report.html"
     file = shared_data / "hyperdoc" / "reflectance.tsv"
     words = f"{file} --opaque --instrument 45:0 --catalogue pigments --samples 01A,10A"
-    succeed(*f"{words} --painted 1200 --report {page}".split())
+    find(*f"{words} --painted 1200 --report {page}".split())
     text = page.read_text()
     assert "2CuCO3·Cu(OH)2" in text
     assert "PB30" in text
@@ -256,7 +247,7 @@ def test_a_report_is_filed(table, tmp_path):
     options += ["--samples", "red_ow,tint_ow", "--only", "Vermillion,ZincWhite,CobaltBlue"]
     subject = ("--object", "A <panel>", "--inventory", "A-1", "--spot", "sky")
     files = ("--csv", answers, "--residuals", residuals, "--out", picture)
-    result = succeed(table, *options, *subject, "--operator", "N. N.", *files)
+    result = find(table, *options, *subject, "--operator", "N. N.", *files)
     assert f"Wrote the report to {page}" in one_line(result).replace("- ", "-")
     filed = json.loads(page.with_suffix(".json").read_text())
     assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]

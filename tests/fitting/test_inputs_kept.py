@@ -17,11 +17,10 @@ from ..commands import invoke
         "posterior read.csv --sample a --paints LeadWhite --out .",
     ],
 )
-def test_a_file_that_is_read_is_no_result(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_file_that_is_read_is_no_result(words, here):
     for name in ("read.csv", "read.hdr"):
-        (tmp_path / name).write_text("measured\n")
+        (here / name).write_text("measured\n")
     result = invoke(*words.split(), "--overwrite")
     assert isinstance(result.exception, ValueError)
     assert "a file that is read" in str(result.exception)
-    assert (tmp_path / "read.csv").read_text() == "measured\n"
+    assert (here / "read.csv").read_text() == "measured\n"

@@ -20,7 +20,7 @@ from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectan
 from glazejax.catalogue.colour_index import colour_indices, family_named
 from glazejax.io import SpectraTable, write_table
 
-from ..commands import invoke
+from ..commands import invoke, succeed
 from ..refusals import refusal
 
 GRID = np.arange(400.0, 1001.0, 10.0)
@@ -280,8 +280,7 @@ def test_the_answer_names_the_reference(tmp_path, odd):
     spots = write(tmp_path / "spots.csv", [(("spot",), 0.95 * odd)])
     own = write(tmp_path / "own.csv", [(("our [best] lake PV14",), odd)])
     line = f"identify {spots} --opaque --instrument 45:0 --catalogue pigments --references {own}"
-    done = invoke(*line.split())
-    assert done.exit_code == 0, done.exception
+    done = succeed(*line.split())
     assert "spot: cobalt violet, probability 9" in done.output
     assert "\n  nearest reference: our [best] lake PV14 (own.csv)\n" in done.output
     wrong = invoke(*line.split(), "--own-films")
