@@ -26,18 +26,19 @@ class SegmentWeights(NamedTuple):
     next_edges: Float[Array, "n stacks"]
     """At right edges."""
     faces: Float[Array, "layers stacks"]
+    held_by: Int[Array, "layers stacks"]
+    """Number of the segment that holds each face."""
 
     def integrate(
         self,
-        held_by: Int[Array, "layers stacks"],
         at_edges: Float[Array, "n stacks *cases"],
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
-        """Integrals over the segments, by the number of the segment that holds each face."""
+        """Integrals over the segments; exact."""
         weights = SegmentWeights(*(append_axes(a, at_edges) for a in self))
         at_faces = weights.faces * at_faces
         number = jnp.arange(at_edges.shape[0])[:, None]
-        holds = held_by[:, None] == number
+        holds = self.held_by[:, None] == number
         at_faces = at_faces[:, None]
         within = jnp.sum(jnp.where(append_axes(holds, at_faces), at_faces, 0.0), axis=0)
         between = weights.next_edges * _below(at_edges) - weights.edges * at_edges
@@ -53,18 +54,18 @@ class Segments(NamedTuple):
     """Depth of each segment's left edge."""
     faces: Float[Array, "layers stacks"]
     """Depth of each layer's lower face; the last is the ground."""
-    held_by: Int[Array, "layers stacks"]
-    """Number of the segment that holds each face."""
     albedo: SegmentWeights
-    """Albedo at the edges, 0 where there is no segment, and how much it falls at each face; at the
-    ground all of it.
+    """Of int_segment q v' ds: the albedo at the edges, 0 where there is no segment, and how much it
+    falls at each face; at the ground all of it.
     """
     scattering: Float[Array, "n stacks"]
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
     averaging: SegmentWeights
-    """Of the mean of a function's slope over each segment."""
+    """Of the mean of v' over each segment, weighted by the albedo; unweighted where nothing
+    scatters.
+    """
 
     @classmethod
     def make(
@@ -89,14 +90,15 @@ class Segments(NamedTuple):
         # By parts: q v at the right edge less that at the left, and at each face the albedo's drop.
         def by_albedo(q: Array) -> SegmentWeights:
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
-            return SegmentWeights(edge, _below(edge), jnp.concatenate([q[:-1] - q[1:], q[-1:]]))
+            falls = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
+            return SegmentWeights(edge, _below(edge), falls, holder)
 
         first = by_albedo(albedo)
-        scattering = first.integrate(holder, edges, faces)
+        scattering = first.integrate(edges, faces)
         # A segment with less scattering in it, relative to the step, holds none.
         enough = scattering > 1e-12 * step
         safe = jnp.where(enough, scattering, 1.0)
-        squared = by_albedo(albedo**2).integrate(holder, edges, faces)
+        squared = by_albedo(albedo**2).integrate(edges, faces)
         # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint
         # albedo.
         last = index == count - 1
@@ -114,42 +116,24 @@ class Segments(NamedTuple):
             edges=share * jnp.where(enough, first.edges, 1.0),
             next_edges=share * jnp.where(enough, first.next_edges, jnp.where(last, 0.0, 1.0)),
             faces=share_at_faces * jnp.where(enough_at_faces, first.faces, end),
+            held_by=holder,
         )
         return cls(
             edges=edges,
             faces=faces,
-            held_by=holder,
             albedo=first,
             scattering=jnp.where(enough, scattering, 0.0),
             doubled=jnp.where(enough, squared / safe, 0.0),
             averaging=averaging,
         )
 
-    def integrate(
-        self,
-        at_edges: Float[Array, "n stacks *cases"],
-        at_faces: Float[Array, "layers stacks *cases"],
-    ) -> Float[Array, "n stacks *cases"]:
-        """int_segment q v' ds of a function v known at edges and faces; exact."""
-        return self.albedo.integrate(self.held_by, at_edges, at_faces)
-
-    def average(
-        self,
-        at_edges: Float[Array, "n stacks *cases"],
-        at_faces: Float[Array, "layers stacks *cases"],
-    ) -> Float[Array, "n stacks *cases"]:
-        """Mean of v' over each segment, weighted by the albedo; unweighted where nothing
-        scatters.
-        """
-        return self.averaging.integrate(self.held_by, at_edges, at_faces)
-
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
         """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks,
         *cases).
         """
         before = jnp.concatenate([jnp.zeros_like(t[:1]), t[:-1]])
-        at_faces = jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
         albedo = SegmentWeights(*(append_axes(a, t) for a in self.albedo))
+        at_faces = jnp.take_along_axis(t, albedo.held_by, axis=0)
         return albedo.edges * (t - before), -albedo.faces * at_faces
 
 

@@ -135,7 +135,9 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
         field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
         field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
         # 2 int z z' ds of the integration by parts is on the diagonal.
-        return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
+        return segments.doubled[..., None] * t - 0.5 * segments.averaging.integrate(
+            field_edges, field_faces
+        )
 
     incident = _Beam.make(batch.cos_incidence, settings.refractive_index, depth)
     viewing = _Beam.make(batch.cos_viewing, settings.refractive_index, depth)
@@ -145,15 +147,15 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     # W+/(2 pi mu_0) at the top, eq. (4).
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     # M, the light that an evenly bright ground sends: the kernel's column at the ground.
-    once = strength * segments.average(*into)  # g
-    from_ground = -segments.average(to_faces[-1], among_faces[-1])
+    once = strength * segments.averaging.integrate(*into)  # g
+    from_ground = -segments.averaging.integrate(to_faces[-1], among_faces[-1])
     scattered, from_ground = _solve(apply, segments.scattering, once, from_ground)
-    visible = segments.integrate(*out)
+    visible = segments.albedo.integrate(*out)
     # Light of the beam that the layers scatter to the ground; of the ground's own, what they
     # scatter back to it.
-    lit = segments.integrate(*into)
+    lit = segments.albedo.integrate(*into)
     reaching = strength * jnp.sum(append_axes(from_ground, lit) * lit, axis=0)
-    back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
+    back = jnp.sum(-segments.albedo.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
     k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
     return _parts(
         batch,
@@ -207,8 +209,8 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
             (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
             for beam in (incident, viewing)
         )
-        visible = segments.integrate(*out)
-        once = strength * segments.average(*into)
+        visible = segments.albedo.integrate(*out)
+        once = strength * segments.averaging.integrate(*into)
         single = strength * _scattered_once(batch, incident, viewing)
     else:
         # As printed: each segment is what its midpoint is.
