@@ -157,11 +157,8 @@ def _evaluate(
     check_given(light)
     check_values(light)
     film = _film(profiles, thickness, light)
-    if method == "ordinates":
-        if "cos_viewing" in light:
-            return _solve_sliced(film, light, tolerance, stack_reflectance_factor)
-        return _solve_sliced(film, light, tolerance, stack_hemispherical_reflectance)
-    return _solve_on_mesh(film, light, tolerance)
+    solve = _solve_sliced if method == "ordinates" else _solve_on_mesh
+    return solve(film, light, tolerance)
 
 
 def _film(
@@ -258,10 +255,10 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
     return jnp.where(extinction > 0, scattering / jnp.where(extinction > 0, extinction, 1.0), 0.0)
 
 
-def _solve_sliced(
-    film: _ProfileFilm, light: dict[str, Any], tolerance: float, solve: Callable[..., Array]
-) -> Array:
+def _solve_sliced(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -> Array:
     x, w = gauss(4)
+    viewed = "cos_viewing" in light
+    solve = stack_reflectance_factor if viewed else stack_hemispherical_reflectance
 
     def reflectance(count: int) -> Array:
         # Gauss's points in each slice, as shares of the film's depth.
@@ -285,21 +282,23 @@ def _solve_sliced(
     # At least 8 slices: as many as samples, or a multiple, so that no slice holds a kink.
     intervals = film.intervals or 1
     slices = intervals * -(-8 // intervals)
-    rows = [[reflectance(slices)]]
+    row = [reflectance(slices)]
     while True:
         slices *= 2
         # Romberg's extrapolation: errors go with even powers of the slices' width.
-        row = [reflectance(slices)]
-        for order, before in enumerate(rows[-1]):
-            row.append(row[-1] + (row[-1] - before) / (4.0 ** (order + 1) - 1.0))
-        rows.append(row)
-        change = concrete(row[-1] - rows[-2][-1])
+        before = row
+        value = reflectance(slices)
+        row = [value]
+        for order, coarser in enumerate(before, 1):
+            value = value + (value - coarser) / (4.0**order - 1.0)
+            row.append(value)
+        change = concrete(value - before[-1])
         if change is None:
             # Where values are traced there is nothing to compare: two doublings are done.
-            if len(rows) > 2:
-                return row[-1]
-        elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, row[-1]):
-            return row[-1]
+            if len(row) > 2:
+                return value
+        elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
+            return value
         elif 2 * slices > 2048:
             raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
 
