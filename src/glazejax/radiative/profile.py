@@ -399,8 +399,8 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
     inner = np.linspace(edges[:-1], edges[1:], pieces, endpoint=False).T.ravel()
     edges = np.r_[inner, 1.0]
     table = rules(mesh.nodes, mesh.points, film.thickness.dtype)
-    start = edges[:-1]
-    span = np.diff(edges)
+    start = edges[:-1, None]
+    span = np.diff(edges)[:, None]
     x, w = gauss(10)
 
     def extinction(
@@ -415,25 +415,23 @@ def _film_panels(film: _ProfileFilm, mesh: PanelMesh, halvings: int) -> Panels:
         fraction: Array,
     ) -> Array:  # optical depth from the panel's top to its share `fraction`, (..., panels, p)
         points = fraction[..., None] * x  # (..., panels, p, m)
-        share = start[:, None] + span[:, None] * points.reshape(*points.shape[:-2], -1)
+        share = start + span * points.reshape(*points.shape[:-2], -1)
         values = extinction(share).reshape(
             *jnp.broadcast_shapes(film.batch, points.shape[:-3]), *points.shape[-3:]
         )
-        return span[:, None] * fraction * (values @ jnp.asarray(w, values.dtype))
+        return span * fraction * (values @ jnp.asarray(w, values.dtype))
 
     dtype = film.thickness.dtype
     ones = jnp.ones((*film.batch, len(start), 1), dtype)
     width = depth_within(ones)[..., 0]
-    fraction = jnp.broadcast_to(
-        jnp.asarray(table.nodes, dtype), (*film.batch, len(start), mesh.nodes)
-    )
+    fraction = jnp.broadcast_to(table.nodes, (*film.batch, len(start), mesh.nodes))
     for _ in range(8):  # where the optical depth reaches the nodes
-        slope = span[:, None] * extinction(start[:, None] + span[:, None] * fraction)
+        slope = span * extinction(start + span * fraction)
         miss = depth_within(fraction) - width[..., None] * table.nodes
         # Newton's step, at most as long as the panel.
         step = miss / jnp.maximum(slope, jnp.finfo(dtype).tiny)
         fraction = jnp.clip(fraction - jnp.clip(step, -1.0, 1.0), 0.0, 1.0)
-    share = (start[:, None] + span[:, None] * fraction).reshape(*film.batch, -1)
+    share = (start + span * fraction).reshape(*film.batch, -1)
     albedo = _albedo(film.absorption(share), film.scattering(share))
     size = int(np.prod(film.batch))
     width = width.reshape(size, -1)
