@@ -217,7 +217,7 @@ _INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> Array:
     """Edges of the panels from a face towards the middle as shares of the depth, (batch, layers,
-    panels + 1).
+    panels + 1); what they follow from is (batch, layers, 1).
     """
     half = 0.5 * depth
     # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
@@ -227,16 +227,16 @@ def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: PanelMesh) -> A
         mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant)
     )
     steps = -np.arange(mesh.graded - 1, -1, -1) / (mesh.graded - 1)
-    edges = [jnp.zeros_like(half)[..., None], reach[..., None] * ratio[..., None] ** steps]
+    edges = [jnp.zeros_like(half), reach * ratio**steps]
     if mesh.interior:
         decay = jnp.sqrt(jnp.minimum(3.0 * (1.0 - albedo), 1.0))
         # There it has died away too, in its decay lengths.
         gone = jnp.minimum(half, reach + 30.0 / jnp.maximum(decay, 1e-12))
-        edges.append(reach[..., None] + (gone - reach)[..., None] * _INTERIOR.astype(half.dtype))
+        edges.append(reach + (gone - reach) * _INTERIOR.astype(half.dtype))
     edges = jnp.concatenate(edges, axis=-1)
     # An empty layer has panels too, of no width.
-    shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)[..., None]
-    return jnp.where(half[..., None] > 0, shares, np.linspace(0.0, 0.5, edges.shape[-1]))
+    shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)
+    return jnp.where(half > 0, shares, np.linspace(0.0, 0.5, edges.shape[-1]))
 
 
 def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: PanelMesh) -> Panels:
@@ -249,7 +249,9 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Pane
         slant: smallest cosine inside of the beams that must be resolved, (batch,).
         mesh: static.
     """
-    fixed = jax.lax.stop_gradient((thickness, layer_albedo, slant[:, None]))
+    fixed = jax.lax.stop_gradient(
+        (thickness[..., None], layer_albedo[..., None], slant[:, None, None])
+    )
     # The lower half mirrors the upper one: both faces are the same.
     share = _half_layer(*fixed, mesh)
     inner = share[..., 1:] - share[..., :-1]
