@@ -66,7 +66,7 @@ class _LayerSurface(NamedTuple):
     cosines: Array  # (batch, nodes), in the cone
     weights: Array  # (batch, nodes), R dmu
     critical: Array  # (batch,), mu_c
-    total: Array  # (batch,), 1 where directions below mu_c are reflected, 0 for an index of one
+    total: Array  # (batch,), mu_c below which all is reflected, 0 for an index of one
 
 
 class _Grid(NamedTuple):
@@ -184,20 +184,18 @@ def _by_surface(grid: _Grid, kernels: _Kernels) -> Array:
     surface = grid.surface
     mu = surface.cosines
     # R = 1 beyond the critical angle; a quadrature in the cone.
-    total = surface.total[:, None, None] * surface.critical[:, None, None]
     decay = jnp.exp(-grid.depth[..., None] / mu[:, None])
     cone = matmul(decay, (surface.weights / mu)[..., None] * grid.decays)
-    return total * _columns(kernels.e1_panels_total) + cone
+    return surface.total[:, None, None] * _columns(kernels.e1_panels_total) + cone
 
 
 def _ground_light(grid: _Grid, kernels: _Kernels) -> _GroundLight:
     """M, eq. (18), and K, eq. (20)."""
     surface = grid.surface
     h = grid.panels.total
-    total = surface.total[:, None] * surface.critical[:, None]
-    squared = surface.total * surface.critical**2
+    squared = surface.total * surface.critical
     # Straight from the ground, and by way of the surface.
-    nodes = kernels.e2_ground + total * kernels.e2_ground_total
+    nodes = kernels.e2_ground + surface.total[:, None] * kernels.e2_ground_total
     nodes += grid.cone(1, h[:, None] + grid.depth)
     integrals = kernels.e2_panels[..., ::-1] + squared[:, None, None] * kernels.e2_panels_total
     decay = surface.weights * jnp.exp(-h[:, None] / surface.cosines)
@@ -225,9 +223,8 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
     )
     # A constant is scattered exactly, so that an albedo of one loses nothing however deep the
     # layer: the diagonal takes up what the rows' sums lack.
-    surface = grid.surface
-    total = surface.total[:, None] * surface.critical[:, None]
-    reflected_up = total * kernels.e2_top_total + grid.cone(1, tau)  # int R e^(-tau/mu) dmu
+    # int R e^(-tau/mu) dmu
+    reflected_up = grid.surface.total[:, None] * kernels.e2_top_total + grid.cone(1, tau)
     constant = 2.0 - kernels.e2_top - kernels.e2_ground + reflected_up
     constant -= ground.nodes - kernels.e2_ground
     constant += (
@@ -298,7 +295,9 @@ def _surface(refractive_index: Any, like: Array) -> _LayerSurface:
     share = jnp.broadcast_to(reflects, like.shape).astype(like.dtype)
     shape = (*like.shape, mu.shape[-1])
     critical = jnp.broadcast_to(critical_cosine(jnp.asarray(n, like.dtype)), like.shape)
-    return _LayerSurface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
+    return _LayerSurface(
+        jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share * critical
+    )
 
 
 class _MeshRow(NamedTuple):
