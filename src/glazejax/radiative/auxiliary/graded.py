@@ -143,19 +143,20 @@ def _kernels(grid: _Grid) -> _Kernels:
     top, width, _, h, rules = grid.panels
     tau = grid.depth
     bottom = top + width
+    ground = h[:, None]
     critical = grid.surface.critical
     c1 = critical[:, None]
     c2 = critical[:, None, None]
     # At the nodes.
-    e2 = expn(2, jnp.stack([tau, grid.above_ground, tau / c1, (h[:, None] + tau) / c1]))
+    e2 = expn(2, jnp.stack([tau, grid.above_ground, tau / c1, (ground + tau) / c1]))
     e3 = expn(3, jnp.stack([h, h / critical, 2.0 * h / critical]))
     # Over panels, by the distance of a panel's nearer end from a node, or from the ground.
     widths = jnp.stack([width, width / c1])
-    above = top[:, None, :] - tau[..., None]
-    gap = jnp.where(_below(grid), above, tau[..., None] - bottom[:, None, :])
-    distance = jnp.stack([jnp.maximum(gap, 0.0), (tau[..., None] + top[:, None, :]) / c2])
+    node = tau[..., None]
+    gap = jnp.where(_below(grid), top[:, None, :] - node, node - bottom[:, None, :])
+    distance = jnp.stack([jnp.maximum(gap, 0.0), (node + top[:, None, :]) / c2])
     e1_panels = kernel_integrals(1, distance, widths[:, :, None, :], rules)
-    distance = jnp.stack([jnp.maximum(h[:, None] - bottom, 0.0), (h[:, None] + top) / c1])
+    distance = jnp.stack([jnp.maximum(ground - bottom, 0.0), (ground + top) / c1])
     e2_panels = kernel_integrals(2, distance, widths, rules)
     return _Kernels(*e2, *e3, *e1_panels, *e2_panels)
 
@@ -213,18 +214,17 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
     ground = _ground_light(grid, kernels)
     tau = grid.depth
     h = panels.total
-    size = tau.shape[1]
-    identity = np.eye(size, dtype=tau.dtype)
+    identity = np.eye(tau.shape[1], dtype=tau.dtype)
     open_share = light.ground / (1.0 - light.ground * ground.returned)  # rho/(1 - rho K)
     # A = H + U + 2 rho/(1 - rho K) M M'.
     operator = _straight(grid, kernels) + _by_surface(grid, kernels)
     operator += (
         (2.0 * open_share)[:, None, None] * ground.nodes[..., None] * ground.integrals[:, None]
     )
+    # int R e^(-tau/mu) dmu.
+    reflected_up = grid.surface.total[:, None] * kernels.e2_top_total + grid.cone(1, tau)
     # A constant is scattered exactly, so that an albedo of one loses nothing however deep the
     # layer: the diagonal takes up what the rows' sums lack.
-    # int R e^(-tau/mu) dmu
-    reflected_up = grid.surface.total[:, None] * kernels.e2_top_total + grid.cone(1, tau)
     constant = 2.0 - kernels.e2_top - kernels.e2_ground + reflected_up
     constant -= ground.nodes - kernels.e2_ground
     constant += (
@@ -237,12 +237,12 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
     n = light.refractive_index
     rate = 1.0 / cos_refracted(light.cos_incidence, n)
     enter = 1.0 - dielectric_reflectance(light.cos_incidence, n)
-    strength = 0.5 * enter * rate
+    strength = (0.5 * enter * rate)[:, None]
     arriving = enter * jnp.exp(-rate * h)
     top, width, rules = panels.top, panels.width, panels.rules
     if light.cos_viewing is None:
         # V of all directions of view together: E_2 less what the surface reflects back.
-        beam = _columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
+        beam = _columns(decay_integrals(rate[:, None], top, width, rules)) * strength
         # Their sum is what the layers take out of the beam.
         beam *= _rescale(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
         exit_weight = kernels.e2_top - reflected_up
@@ -253,9 +253,7 @@ def _system(panels: Panels, light: StackArrays) -> CollocatedSystem:
         # V of one direction; light scattered once is the integral of both decays, exact.
         out = 1.0 / cos_refracted(light.cos_viewing, n)
         rates = jnp.stack([rate, rate + out])[..., None]
-        beam, there_and_back = _columns(decay_integrals(rates, top, width, rules))
-        beam = beam * strength[:, None]
-        there_and_back = there_and_back * strength[:, None]
+        beam, there_and_back = _columns(decay_integrals(rates, top, width, rules)) * strength
         exit_weight = jnp.exp(-out[:, None] * tau)
         ground_weight = jnp.exp(-out * h) / out
         # What leaves through the surface, eq. (32).
