@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.polynomial import legendre
 
-from ..common.exponential_integrals import expn
+from ..common.exponential_integrals import expn, least_argument
 from ..common.linalg import einsum, matmul
 from ..common.quadrature import gauss
 
@@ -62,19 +62,15 @@ class Rules(NamedTuple):
     own_derivatives: np.ndarray  # (p, p, p): derivative k of polynomial j at node i
 
 
-def _lobatto(count: int) -> np.ndarray:
-    """Gauss-Lobatto nodes on [-1, 1], ends included."""
-    inner = legendre.Legendre.basis(count - 1).deriv().roots()
-    return np.r_[-1.0, np.sort(inner.real), 1.0]
-
-
 @functools.cache
 def rules(count: int, points: int, dtype: np.dtype) -> Rules:
     """Tables for `count` nodes and a fixed rule of `points` points.
 
     Each precision has arrays of its own: JAX keeps what it made of an array by its identity.
     """
-    xi = _lobatto(count)
+    # Gauss-Lobatto nodes on [-1, 1], ends included.
+    inner = legendre.Legendre.basis(count - 1).deriv().roots()
+    xi = np.r_[-1.0, np.sort(inner.real), 1.0]
     # From values at the nodes to coefficients of Legendre polynomials.
     coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
 
@@ -95,10 +91,12 @@ def rules(count: int, points: int, dtype: np.dtype) -> Rules:
     own_points = []
     own_kernel = []
     for node in xi:
-        up = 0.5 * (1 + node) * x
-        down = 0.5 * (1 - node) * x
+        above = 0.5 * (1 + node)
+        below = 0.5 * (1 - node)
+        up = above * x
+        down = below * x
         own_points.append(np.r_[up, down])
-        shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
+        shares = np.r_[above * wx, below * wx]
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
     tables = Rules(
         nodes=0.5 * (1 + xi),
@@ -134,10 +132,6 @@ def _powers(x: Array, count: int) -> Array:
     )
 
 
-def _tiny(x: Array) -> float:
-    return 1e-290 if x.dtype == jnp.float64 else 1e-36
-
-
 def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) -> Array:
     """Integrals of E_order(distance + t) with each Lagrange polynomial over a panel, t from its
     near end, (..., p).
@@ -147,9 +141,9 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     count = len(rules.nodes)
     # Narrow: the fixed rule. The width of a wide one is replaced, so that its unused slope is
     # finite.
-    narrow_width = jnp.where(wide, 1.0, width)
-    t = jnp.maximum(distance[..., None] + narrow_width[..., None] * rules.points, _tiny(width))
-    narrow = narrow_width[..., None] * matmul(expn(order, t), rules.kernel)
+    narrow_width = jnp.where(wide, 1.0, width)[..., None]
+    t = jnp.maximum(distance[..., None] + narrow_width * rules.points, least_argument(width.dtype))
+    narrow = narrow_width * matmul(expn(order, t), rules.kernel)
     # Wide: by parts, (2/width)^k E_(order + 1 + k) times the k-th derivative, at both ends.
     wide_width = jnp.where(wide, width, _WIDE)
     scale = _powers(2.0 / wide_width, count)
@@ -185,7 +179,7 @@ def own_integrals(width: Array, rules: Rules) -> Array:
     count = len(rules.nodes)
     # Narrow: the rule that crowds at the node from both sides.
     narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
-    t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
+    t = jnp.maximum(narrow_width * rules.own_points, least_argument(width.dtype))
     narrow = narrow_width * einsum("...im,imj->...ij", expn(1, t), rules.own_kernel)
     # Wide: by parts, from the node, where E_k(0) = 1/(k - 1), to both ends.
     wide_width = jnp.where(wide, width, _WIDE)[..., None]

@@ -52,7 +52,7 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     x = _floating(x)
-    tiny = _tiny(x.dtype)
+    tiny = least_argument(x.dtype)
     if order == 0:
         return jnp.exp(-x) / jnp.maximum(x, tiny)
     small = x < _SPLIT
@@ -75,9 +75,9 @@ def _expn_jvp(order: int, primals, tangents):
     (x,), (dx,) = primals, tangents
     if order == 0:
         value = expn(0, x)
-        return value, -(1.0 + 1.0 / jnp.maximum(x, _tiny(x.dtype))) * value * dx
+        return value, -(1.0 + 1.0 / jnp.maximum(x, least_argument(x.dtype))) * value * dx
     # Where the slope is infinite, the largest that cannot overflow once it is multiplied.
-    return expn(order, x), -expn(order - 1, jnp.maximum(x, _tiny(x.dtype))) * dx
+    return expn(order, x), -expn(order - 1, jnp.maximum(x, least_argument(x.dtype))) * dx
 
 
 def _floating(x: ArrayLike) -> Array:
@@ -87,7 +87,8 @@ def _floating(x: ArrayLike) -> Array:
     )
 
 
-def _tiny(dtype: np.dtype) -> float:
+def least_argument(dtype: np.dtype) -> float:
+    """Smallest positive argument that counts in a precision."""
     return 1e-290 if dtype == jnp.float64 else 1e-36
 
 
