@@ -140,11 +140,13 @@ def _values(
     J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h +
     s.
     """
+    step = step[:, None]
+    depth = count[:, None].astype(step.dtype) * step
     return (
-        expn(2, (jnp.arange(most, dtype=step.dtype) + 0.5) * step[:, None]),
+        expn(2, (jnp.arange(most, dtype=step.dtype) + 0.5) * step),
         _reflection_integrals(1, 0.5 * step, step, 2 * most, refractive_index),
-        expn(3, jnp.arange(most + 1, dtype=step.dtype) * step[:, None]),
-        _reflection_integrals(2, count.astype(step.dtype) * step, step, most + 1, refractive_index),
+        expn(3, jnp.arange(most + 1, dtype=step.dtype) * step),
+        _reflection_integrals(2, depth, step, most + 1, refractive_index),
     )
 
 
@@ -181,19 +183,19 @@ def _grounds(values: tuple[Array, Array, Array, Array], count: Array) -> tuple[A
 def _reflection_integrals(
     power: int, start: Array, step: Array, terms: int, refractive_index: float
 ) -> Array:
-    """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss
-    nodes.
+    """J_p at start + j step, both (stacks, 1), as (stacks, terms): total reflection in closed form,
+    the cone by Gauss nodes.
     """
     if refractive_index == 1.0:
         return jnp.zeros((step.size, terms), step.dtype)
     critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
-    depth = start[:, None] + jnp.arange(terms, dtype=step.dtype) * step[:, None]
+    depth = start + jnp.arange(terms, dtype=step.dtype) * step
     mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
     # On an even grid the exponentials are products of those of every sixteenth point and of the
     # first sixteen.
     run = 16
-    coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, run))[..., None] / mu)
-    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(run)))[..., None] / mu)
+    coarse = jnp.exp(-(step * np.arange(0.0, terms, run))[..., None] / mu)
+    fine = jnp.exp(-(start + step * np.arange(float(run)))[..., None] / mu)
     cone = einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine)
     cone = cone.reshape(step.size, -1)[:, :terms]
     # Beyond the critical angle R = 1: mu_c^p E_(p+1)(x/mu_c).
