@@ -72,7 +72,7 @@ def assembly_alone(pair: Work, step: float, method: str) -> Callable[[], object]
     """
     variant = METHODS[method]["variant"]
     depth = pair.thickness.sum(axis=1)
-    count = np.asarray(uniform._segments(depth, GridSettings(variant, False, INDEX, step, 0)))
+    count = np.asarray(uniform._segments(depth, GridSettings(variant, False, INDEX, step)))
     calls: list[Callable[[], object]] = []
     for rows, most in uniform._buckets(count, uniform._WORTH_A_BUCKET[variant]):
         if variant == "fixed_step":

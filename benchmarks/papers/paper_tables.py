@@ -193,7 +193,7 @@ def with_new_table(pair: Work, step: float) -> jax.Array:
 
 def new_table(pair: Work, step: float) -> KernelTable:
     """The table that a spectrum by the fixed step needs, no longer than that."""
-    settings = uniform.GridSettings("fixed_step", False, INDEX, step, 0)
+    settings = uniform.GridSettings("fixed_step", False, INDEX, step)
     count = np.asarray(uniform._segments(pair.thickness.sum(axis=1), settings))
     return KernelTable(INDEX, step, uniform._rounded_up(int(count.max())))
 

@@ -90,7 +90,6 @@ def reflectance_factor(
         corrected=corrected,
         refractive_index=refractive_index,
         step=step,
-        most=0,
         product=product,
     )
     stack = (albedo, optical_thickness, substrate_reflectance, cos_incidence, cos_viewing)
@@ -166,7 +165,6 @@ def split_reflectance_factor(
         corrected=corrected,
         refractive_index=refractive_index,
         step=step,
-        most=0,
         product=product,
     )
     stack = (albedo, optical_thickness, substrate_reflectance, cos_incidence, cos_viewing)

@@ -35,7 +35,7 @@ class GridSettings(NamedTuple):
     corrected: bool
     refractive_index: float
     step: float
-    most: int
+    most: int = 0
     """Segments that the program has room for; 0 while this is not known."""
     product: Product = "matrix"
 
