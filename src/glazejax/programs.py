@@ -35,7 +35,6 @@ Result = TypeVar("Result")
 
 # What programs are made with, besides the two packages here.
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
-# Of one function, so many shapes are held: in a process that keeps programs on disk, and in others.
 _LAPACK = b"lapack_"
 _folder: Path | None = None
 
@@ -63,16 +62,12 @@ class _ProgramRequest(NamedTuple):
     fixed: tuple[tuple[str, Any], ...]
     structure: Any
     leaves: list[Any]
-
-    @property
-    def traced(self) -> bool:
-        """Test whether JAX is tracing the caller."""
-        return any(isinstance(leaf, Tracer) for leaf in self.leaves)
+    double: bool  # the caller's precision, which may be set for its thread alone
 
     @property
     def key(self) -> tuple[Any, ...]:
         """Key that separates programs of one function while the process runs."""
-        return self.fixed, self.structure, tuple(map(_kind, self.leaves)), _double()
+        return self.fixed, self.structure, tuple(map(_kind, self.leaves)), self.double
 
     def file_name(self) -> str | None:
         """The same between runs; None where an argument's words do not give its value, and on
@@ -139,7 +134,7 @@ class Program(Generic[Result]):
         key = request.key
         # What JAX has run once it keeps itself, after it was let go here too.
         if key not in self._asked_for:
-            future = _threads().submit(self._make, _double(), request, *args, **kwargs)
+            future = _threads().submit(self._make, request, *args, **kwargs)
             self._asked_for.add(key)
             self._begun[key] = future
             self._let_old_ones_go()
@@ -149,7 +144,8 @@ class Program(Generic[Result]):
         if _folder is None and not self._begun:
             return self.jitted(*args, **kwargs)
         request = self._request(*args, **kwargs)
-        if request.traced:
+        # JAX is tracing the caller.
+        if any(isinstance(leaf, Tracer) for leaf in request.leaves):
             return self.jitted(*args, **kwargs)
         key = request.key
         begun = self._begun.get(key)
@@ -160,12 +156,13 @@ class Program(Generic[Result]):
             self._let_old_ones_go()
             # Of several threads the first one makes it.
             if begun is future:
-                _settle(future, lambda: self._make(_double(), request, *args, **kwargs))
+                _settle(future, lambda: self._make(request, *args, **kwargs))
+        if begun is not None and begun.exception() is None:
+            run = begun.result().run
+            if run is not None:
+                return run(request.leaves)
         # What was wrong with compiling ahead shows, with its own words, in the call itself.
-        if begun is None or begun.exception() is not None:
-            return self.jitted(*args, **kwargs)
-        run = begun.result().run
-        return self.jitted(*args, **kwargs) if run is None else run(request.leaves)
+        return self.jitted(*args, **kwargs)
 
     def let_go(self) -> None:
         """Hold none of its programs any longer."""
@@ -185,12 +182,11 @@ class Program(Generic[Result]):
         arguments = dict(bound.arguments)
         fixed = tuple((name, arguments.pop(name)) for name in self._fixed)
         leaves, structure = jax.tree.flatten(arguments)
-        return _ProgramRequest(fixed, structure, leaves)
+        return _ProgramRequest(fixed, structure, leaves, bool(_config().jax_enable_x64))
 
-    def _make(self, double: bool, request: _ProgramRequest, *args: Any, **kwargs: Any) -> _Made:
+    def _make(self, request: _ProgramRequest, *args: Any, **kwargs: Any) -> _Made:
         """A compiled program for arguments like these."""
-        # The caller's precision may be set for its thread alone.
-        with jax.enable_x64(double):
+        with jax.enable_x64(request.double):
             program = None if _folder is None else self._kept(_folder, request)
             if program is None:
                 lowered = self.jitted.lower(*args, **kwargs)
@@ -328,10 +324,6 @@ def _read(path: Path) -> _Kept | None:
     except Exception:  # Not there, or written in part: it is traced again.
         return None
     return program if isinstance(program, _Kept) else None
-
-
-def _double() -> bool:
-    return bool(_config().jax_enable_x64)
 
 
 def _config() -> Any:
