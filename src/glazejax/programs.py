@@ -156,7 +156,13 @@ class Program(Generic[Result]):
             self._let_old_ones_go()
             # Of several threads the first one makes it.
             if begun is future:
-                _settle(future, lambda: self._make(request, *args, **kwargs))
+                try:
+                    future.set_result(self._make(request, *args, **kwargs))
+                except BaseException as error:
+                    future.set_exception(error)
+                    # An interrupt ends this thread's work too.
+                    if not isinstance(error, Exception):
+                        raise
         if begun is not None and begun.exception() is None:
             run = begun.result().run
             if run is not None:
@@ -243,16 +249,6 @@ class Program(Generic[Result]):
 
 _programs: weakref.WeakSet[Program[Any]] = weakref.WeakSet()
 """All that this process has."""
-
-
-def _settle(future: "Future[Result]", make: Callable[[], Result]) -> None:
-    try:
-        future.set_result(make())
-    except BaseException as error:
-        future.set_exception(error)
-        # An interrupt ends this thread's work too.
-        if not isinstance(error, Exception):
-            raise
 
 
 def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
