@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import chebyshev
@@ -39,7 +38,7 @@ class Axis(NamedTuple):
     """0 (a Python number) for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its
     root softened at zero."""
 
-    def coordinate(self, x: Any, xp: Any = jnp) -> Any:
+    def coordinate(self, x: Any, xp: Any) -> Any:
         """From [low, high] to [-1, 1]."""
         a = self._stretch(self.low, xp)
         b = self._stretch(self.high, xp)
@@ -62,7 +61,7 @@ class Axis(NamedTuple):
             x = (np.expm1(x) * math.sqrt(self.high / self.curvature) + math.sqrt(soft)) ** 2 - soft
         return np.clip(x, self.low, self.high)
 
-    def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
+    def clamp(self, x: Any, xp: ModuleType) -> Any:
         """x moved into the range, with a whole slope at its ends, where `clip` would halve it."""
         return xp.where(x < self.low, self.low, xp.where(x > self.high, self.high, x))
 
@@ -77,7 +76,7 @@ class Mirrored(NamedTuple):
     def _from_above(self) -> Axis:
         return Axis(0.0, self.high - self.low, self.curvature)
 
-    def coordinate(self, x: Any, xp: Any = jnp) -> Any:
+    def coordinate(self, x: Any, xp: Any) -> Any:
         """From [low, high] to [-1, 1]."""
         return -self._from_above().coordinate(self.high - x, xp)
 
@@ -85,7 +84,7 @@ class Mirrored(NamedTuple):
         """From [-1, 1] to [low, high]."""
         return np.clip(self.high - self._from_above().point(-coordinate), self.low, self.high)
 
-    def clamp(self, x: Any, xp: ModuleType = jnp) -> Any:
+    def clamp(self, x: Any, xp: ModuleType) -> Any:
         """Clamp as `Axis.clamp` does."""
         return Axis(self.low, self.high).clamp(x, xp)
 
@@ -127,7 +126,7 @@ def along_axis(
     return np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
 
 
-def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any:
+def polynomials(x: Any, count: int, xp: ModuleType, axis: int = -1) -> Any:
     """Chebyshev polynomials T_0 to T_(count - 1) at x, (points,): (points, count), or (count,
     points) on axis 0.
     """
