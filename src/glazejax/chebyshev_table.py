@@ -175,9 +175,7 @@ def best_axis(
 
 def axes_to_refine(tails: Sequence[float], room: Sequence[bool], together: float) -> list[bool]:
     """Axes whose last coefficients (`tails`) are large, among those with room for more nodes."""
-    largest = max(
-        (tail for tail, has_room in zip(tails, room, strict=True) if has_room), default=0.0
-    )
+    largest = float(np.max(tails, where=room, initial=0.0))
     return [
         has_room and tail >= together * largest for tail, has_room in zip(tails, room, strict=True)
     ]
