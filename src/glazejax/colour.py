@@ -102,24 +102,18 @@ def colour_weights(
 def _weights(
     grid: tuple[float, ...], illuminant: str, observer: str
 ) -> Float[np.ndarray, "bands 3"]:
-    """Weights for full names; see `colour_weights`."""
+    """Weights for full names, read-only; see `colour_weights`."""
     lamp = illuminants()[illuminant]
     curves = observers()[observer]
-    visible = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
-    fine = curves[0].wavelengths[visible]
+    table = curves[0].wavelengths
+    visible = (table >= _START) & (table <= _END)
+    fine = table[visible]
     # Linear between a lamp's bands, and its end bands repeated outwards.
     power = np.interp(fine, lamp.wavelengths, lamp.values)
     products = np.stack([curve.values[visible] for curve in curves], axis=1) * power[:, None]
     # The y column sums to 1.
-    return _on_bands(np.asarray(grid), fine, products / products[:, 1].sum())
-
-
-def _on_bands(
-    bands: Bands,
-    fine: Float[np.ndarray, "fine"],
-    products: Float[np.ndarray, "fine 3"],
-) -> Float[np.ndarray, "bands 3"]:
-    """Weights of bands, read-only."""
+    products /= products[:, 1].sum()
+    bands = np.asarray(grid)
     # What lies beyond the bands is guessed.
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
@@ -130,9 +124,8 @@ def _on_bands(
             f"{describe_grid(bands)} misses {guessed:.0%} of a tristimulus value: "
             "colour needs spectra from about 420 to 680 nm at least, better from 400 to 700 nm"
         )
-    visible = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
-    steps = np.diff(visible)
-    if visible.size < 4 or steps.max() > _MAX_STEP:
+    near = bands[(bands > _START - _MAX_STEP) & (bands < _END + _MAX_STEP)]
+    if near.size < 4 or np.diff(near).max() > _MAX_STEP:
         raise ValueError(
             f"{describe_grid(bands)} is too coarse for colour: steps may be {_MAX_STEP:g} nm at "
             "most, better 10 or 20 nm"
