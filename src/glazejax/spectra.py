@@ -337,5 +337,5 @@ def resample(
         raise ValueError(f"values of shape {values.shape} do not end in {matrix.shape[0]} bands")
     if isinstance(values, jax.Array):
         array = as_float_array(values)
-        return jnp.matmul(array, jnp.asarray(matrix, dtype=array.dtype), precision="highest")
+        return matmul(jnp, array, matrix.astype(array.dtype))
     return np.asarray(values, dtype=np.float64) @ matrix
