@@ -7,7 +7,6 @@ takes longer than rendering a glaze: it brings matplotlib, pandas and much of Sc
 """
 
 import csv
-import re
 from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
@@ -123,7 +122,7 @@ def find_observer(name: str | int) -> str:
 
 def _find(what: str, asked: str, full_names: dict[str, str]) -> str:
     """Entry of `full_names`, whose keys are lower case, for a name in any case."""
-    key = re.sub(r"\s+", " ", str(asked).strip()).lower()
+    key = " ".join(str(asked).split()).lower()
     if key in full_names:
         return full_names[key]
     near = [full_names[k] for k in nearest_names(key, full_names, cutoff=0.3, shortest=1)]
