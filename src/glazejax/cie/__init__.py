@@ -62,10 +62,7 @@ def observers() -> dict[str, tuple[Curve, Curve, Curve]]:
     nanometre.
     """
     rows = _rows("observers.csv", 2)
-    return {
-        name: (rows[name, "x"], rows[name, "y"], rows[name, "z"])
-        for name in dict.fromkeys(n for n, _ in rows)
-    }
+    return {name: (rows[name, "x"], rows[name, "y"], rows[name, "z"]) for name in OBSERVERS}
 
 
 @cache
