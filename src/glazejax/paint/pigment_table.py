@@ -18,7 +18,8 @@ from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
 _OPTIONAL = ("absorption_sd", "scattering_sd", "identifiable")
-_MODE = re.compile(r"[ks]_mode_[0-9]+")
+# A standard deviation may be missing or infinite where a coefficient is not identifiable.
+_DOUBTFUL = re.compile(r"(absorption|scattering)_sd|[ks]_mode_[0-9]+")
 _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 # Columns of one pigment by title, in the order of the file; `identifiable` holds booleans.
 _Columns = dict[str, list[float]]
@@ -55,7 +56,8 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
         for count, (number, line) in enumerate(source.lines()):
             if line.startswith("#"):
                 comments.append(line.lstrip("# ").strip())
-            if not line.strip() or line.startswith("#"):
+                continue
+            if not line.strip():
                 continue
             error = partial(source.error, line=number)
             try:
@@ -67,13 +69,7 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
                 missing = ", ".join(title for title in _NEEDED if title not in header)
                 if missing:
                     raise error(f"no column {missing}; expected {','.join(_NEEDED + _OPTIONAL)}")
-                # A standard deviation may be missing or infinite where a coefficient is not
-                # identifiable.
-                doubtful = [
-                    title
-                    for title in header
-                    if title in ("absorption_sd", "scattering_sd") or _MODE.fullmatch(title)
-                ]
+                doubtful = [title for title in header if _DOUBTFUL.fullmatch(title)]
                 continue
             if len(cells) != len(header):
                 raise error(f"{len(cells)} cells where the header has {len(header)}")
@@ -191,7 +187,7 @@ def write_pigments(
 
 
 def pigment_rows(
-    pigments: Sequence[Pigment], digits: int | None = None
+    pigments: Sequence[Pigment], digits: int | None
 ) -> tuple[list[str], list[list[object]]]:
     """Titles and rows of a table of pigments; of an error mode three digits, and no more than five
     behind the point.
