@@ -9,9 +9,7 @@ GEOMETRIES = (
 _SPHERES = {"d": True, "di": True, "de": False}
 
 
-def split_geometry(
-    text: str, argument: str = "geometry"
-) -> tuple[bool | None, tuple[float, ...], bool]:
+def split_geometry(text: str, argument: str) -> tuple[bool | None, tuple[float, ...], bool]:
     """Split a notation: whether a sphere takes the mirror reflection in (None without a sphere),
     the angles in degrees, and whether two equal ones see it; see
     `glazejax.geometry.parse_geometry`.
