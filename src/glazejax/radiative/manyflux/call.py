@@ -46,12 +46,12 @@ class StackInputs(NamedTuple):
 
     albedo: Numbers
     optical_thickness: Numbers
-    substrate_reflectance: Numbers
     phase: Numbers | None
     refractive_index: Indices
     tolerance: float
     streams: int | None
     solution: Solution
+    substrate_reflectance: Numbers = 0.0  # of free-standing layers, which have no ground
     ground: GroundTable | None = None
     index_below: float | None = None
     """Of a medium below, in place of a ground."""
@@ -113,8 +113,10 @@ def prepare(
         name: getattr(stack, name)
         for name in ("albedo", "optical_thickness", "substrate_reflectance")
     }
-    turned = {} if azimuth is None else {"azimuth": jnp.deg2rad(jnp.asarray(azimuth, dtype))}
-    shapes = {"phase": of_phase} | {name: array.shape for name, array in turned.items()}
+    shapes = {"phase": of_phase}
+    if azimuth is not None:
+        azimuth = jnp.deg2rad(jnp.asarray(azimuth, dtype))
+        shapes["azimuth"] = azimuth.shape
     checked = batch_of_stacks(named | cosines, shapes=shapes)
     media = _media(stack, checked.layers)
     if moments.shape[-2] not in (1, checked.layers):
@@ -133,9 +135,9 @@ def prepare(
         moments=flat_batch(moments, phases, checked.layers, terms),
         ground=flat["substrate_reflectance"],
     )
-    angles = {name: flat[name] for name in cosines} | {
-        n: flat_batch(a, checked.batch) for n, a in turned.items()
-    }
+    angles = {name: flat[name] for name in cosines}
+    if azimuth is not None:
+        angles["azimuth"] = flat_batch(azimuth, checked.batch)
     # Below what single precision can hold, more directions would only add rounding.
     single = dtype == jnp.float32
     effort = choose_effort(
@@ -180,14 +182,15 @@ def _media(stack: StackInputs, count: int) -> float | Media:
             f"refractive_index has {len(indices)} values but albedo has {count} layers (last axis)"
         )
     check_values({"refractive_index": np.array(indices)})
-    if stack.index_below is not None and not 1.0 <= stack.index_below <= min(indices):
+    below = stack.index_below
+    if below is not None and not 1.0 <= below <= min(indices):
         raise ValueError(
-            f"index_below is {stack.index_below}; it must be at least 1 and at most that of "
+            f"index_below is {below}; it must be at least 1 and at most that of "
             f"every layer, {min(indices)}"
         )
-    if len(set(indices)) == 1 and stack.ground is None and stack.index_below is None:
+    if len(set(indices)) == 1 and stack.ground is None and below is None:
         return indices[0]
-    return Media(indices, None if stack.index_below is None else float(stack.index_below))
+    return Media(indices, None if below is None else float(below))
 
 
 def solve_stacks(
@@ -208,9 +211,7 @@ def _results(
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
         # Without angles no direction is added to the nodes: the light falls in evenly.
-        lit = layers.albedo[:0]
-        if angles:
-            lit = angles["cos_incidence"][None]
+        lit = angles["cos_incidence"][None] if angles else layers.albedo[:0]
         # With an azimuth a radiance is asked for, else a flux.
         if "azimuth" in angles:
             axes = AngleAxes(angles["cos_viewing"][None], lit, angles["azimuth"][None])

@@ -52,7 +52,6 @@ def free_factor(
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
-        substrate_reflectance=0.0,
         phase=phase,
         refractive_index=refractive_index,
         tolerance=tolerance,
@@ -86,7 +85,6 @@ def free_hemispherical(
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
-        substrate_reflectance=0.0,
         phase=phase,
         refractive_index=refractive_index,
         tolerance=tolerance,
@@ -117,7 +115,6 @@ def free_diffuse(
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
-        substrate_reflectance=0.0,
         phase=phase,
         refractive_index=refractive_index,
         tolerance=tolerance,
