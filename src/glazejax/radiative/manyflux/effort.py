@@ -79,19 +79,20 @@ def choose_effort(
     twice = (2 * np.arange(terms) + 1) * sizes**2
     # Moments whose weighed square is below this share of the tolerance change nothing there.
     terms_kept = int(np.flatnonzero(twice > 0.03 * tolerance).max(initial=0)) + 1
-    if streams is not None and streams < 2:
-        raise ValueError(f"streams is {streams}; it must be at least 2")
-    # No more moments than the directions of both hemispheres can separate.
-    terms_kept = terms_kept if streams is None else min(terms_kept, 2 * streams)
+    if streams is not None:
+        if streams < 2:
+            raise ValueError(f"streams is {streams}; it must be at least 2")
+        # No more moments than the directions of both hemispheres can separate.
+        terms_kept = min(terms_kept, 2 * streams)
     # Rounded, there are few enough different ones that the search is rarely repeated.
     rounded = tuple(np.round(sizes[:terms_kept], 4).tolist())
     directions, least = _directions(media, rounded, tolerance, streams, least_cosine)
-    count = doublings(thickest, least)
     # An azimuth mode that is left out is missed once, a moment in all modes: a larger share.
     modes = (
         np.flatnonzero(twice[:terms_kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
     )
-    return FluxEffort(directions, terms_kept, int(modes), count if solution == "doubling" else None)
+    count = doublings(thickest, least) if solution == "doubling" else None
+    return FluxEffort(directions, terms_kept, int(modes), count)
 
 
 def _directions(

@@ -177,15 +177,14 @@ def brdf_table(
     Raises:
         ValueError: as there, or an axis of angles that is not one-dimensional.
     """
-    angles = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
-    for name, values in angles.items():
+    cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    for name, values in (cosines | {"azimuth": azimuth}).items():
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
             raise ValueError(
                 f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is "
                 f"{values}"
             )
-    check_values({name: angles[name] for name in ("cos_incidence", "cos_viewing")})
-    least = smallest_cosine(cos_incidence, cos_viewing)
+    check_values(cosines)
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,
@@ -197,7 +196,7 @@ def brdf_table(
         solution=solution,
         ground=ground,
     )
-    call = prepare(stack, {}, 0.0, least=least)
+    call = prepare(stack, {}, 0.0, least=smallest_cosine(cos_incidence, cos_viewing))
     dtype = call.layers.albedo.dtype
     viewing, incidence, turns = (
         jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth)
