@@ -82,9 +82,10 @@ class _Discrete(NamedTuple):
         reflection, loss = (x.reweight(rows, columns) for x in operators)
         return reflection, loss
 
-    def roots(self, medium: int, dtype: jnp.dtype) -> Array:
+    def roots(self, medium: int) -> Array:
         """sqrt(n^2 mu w) of the nodes, 0 of those that do not exist in a medium."""
-        return jnp.sqrt(jnp.asarray(self.flux * self.followed[0].exists[medium], dtype))
+        flux = self.flux * self.followed[0].exists[medium]
+        return jnp.sqrt(jnp.asarray(flux, self.scaled.albedo.dtype))
 
 
 def _discrete(
@@ -123,13 +124,17 @@ def _discrete(
     )
 
 
+def _pick(slabs: Slab, k: int | slice) -> Slab:
+    """One of the slabs along the leading axis, or some."""
+    return jax.tree.map(lambda leaf: leaf[k], slabs)
+
+
 def _ground(discrete: _Discrete, layers: Layers, table: GroundTable | None) -> Bordered:
     """Light that the ground sends back into the last medium."""
-    dtype = layers.albedo.dtype
     last = discrete.indices[-1]
-    weights = [discrete.roots(-1, dtype) / last]
+    weights = [discrete.roots(-1) / last]
     weights += [
-        jnp.full(direction.cosines.shape[1], 1.0 / last, dtype)
+        jnp.full(direction.cosines.shape[1], 1.0 / last, layers.albedo.dtype)
         for direction in discrete.followed[1:]
     ]
     cosines = Diagonal(*(direction.cosines[-1] for direction in discrete.followed))
@@ -164,19 +169,16 @@ def opened_stack(
     surfaces, _ = _surfaces(discrete)
     upper, lower = (slab_of_layer(*discrete.operators(p)) for p in (above_share, 1.0 - above_share))
 
-    def pick(slabs: Slab, k: int) -> Slab:
-        return jax.tree.map(lambda leaf: leaf[k], slabs)
-
     # From the air down to the cut.
-    above = join(pick(surfaces, 0), pick(upper, 0))
+    above = join(_pick(surfaces, 0), _pick(upper, 0))
     for k in range(1, cut + 1):
-        above = join(join(above, pick(surfaces, k)), pick(upper, k))
+        above = join(join(above, _pick(surfaces, k)), _pick(upper, k))
     # From the ground up to the cut; the surface of the cut layer lies above it.
     below = _ground(discrete, layers, None)
     for k in range(len(media.layers) - 1, cut - 1, -1):
-        slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
+        slab = _pick(lower, k) if k == cut else join(_pick(surfaces, k), _pick(lower, k))
         below = reflection_over(slab, below)
-    return above, below, discrete.roots(1 + cut, layers.albedo.dtype)
+    return above, below, discrete.roots(1 + cut)
 
 
 def joined_stack(
@@ -213,14 +215,13 @@ def joined_stack(
     # Each layer under the surface above it is one slab.
     surfaces, through = _surfaces(discrete)
     count = len(media.layers)
-    upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
     coats = slab_of_layer(*discrete.operators(1.0))
-    slab = join_all(join(upper, coats))
+    slab = join_all(join(_pick(surfaces, slice(count)), coats))
     # Below is a ground, or the surface to another medium.
     if media.below is None:
         operator = reflection_over(slab, _ground(discrete, layers, table))
     else:
-        slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
+        slab = join(slab, _pick(surfaces, -1))
         operator = slab.down if downward else slab.above
 
     # What the kept moments leave out of light scattered once is added by `factor`.
@@ -231,11 +232,10 @@ def joined_stack(
         cos_lit=discrete.cosines.incidence,
         passing=_passing(through, np.array(media.layers), count, downward),
     )
-    dtype = layers.albedo.dtype
     return JoinedStack(
         operator=operator,
-        entering=discrete.roots(0, dtype),
-        leaving=discrete.roots(-1 if downward else 0, dtype),
+        entering=discrete.roots(0),
+        leaving=discrete.roots(-1 if downward else 0),
         faces=surfaces,
         coats=coats,
         once=once,
