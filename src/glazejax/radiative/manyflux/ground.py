@@ -120,11 +120,13 @@ def _between(knots, cosines):
     """Matrix of linear interpolation from descending knots to cosines, (cosines, knots)."""
     # Cosines that are known make a constant of the compiled program.
     xp = np if concrete(cosines) is not None and concrete(knots) is not None else jnp
-    if knots.shape[0] == 1:
+    count = knots.shape[0]
+    if count == 1:
         return xp.ones((cosines.shape[0], 1))
     # Beyond its ends the table goes on as it ends.
-    interval = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
+    cosines = cosines[:, None]
+    interval = xp.clip(xp.sum(cosines < knots, axis=1, keepdims=True) - 1, 0, count - 2)
     share = xp.clip((knots[interval] - cosines) / (knots[interval] - knots[interval + 1]), 0.0, 1.0)
-    knot = xp.arange(knots.shape[0])
-    above = xp.where(knot == interval[:, None], 1.0 - share[:, None], 0.0)
-    return above + xp.where(knot == interval[:, None] + 1, share[:, None], 0.0)
+    knot = xp.arange(count)
+    above = xp.where(knot == interval, 1.0 - share, 0.0)
+    return above + xp.where(knot == interval + 1, share, 0.0)
