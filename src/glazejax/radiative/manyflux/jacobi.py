@@ -6,10 +6,14 @@ arithmetic: n/2 of them at once, n - 1 rounds bring every pair of rows together,
 sweeps are enough.
 """
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+_on_diagonal = functools.partial(jnp.diagonal, axis1=-2, axis2=-1)
 
 
 def symmetric_eigen(
@@ -40,11 +44,11 @@ def symmetric_eigen(
 
     def one_round(_, state: tuple[Array, Array]) -> tuple[Array, Array]:
         work, vectors = state
-        diagonal = jnp.diagonal(work, axis1=-2, axis2=-1)
+        diagonal = _on_diagonal(work)
         top = diagonal[..., :half]
         bottom = diagonal[..., half:]
         # The angle that makes each pair's element off the diagonal zero, the smaller of the two.
-        coupling = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
+        coupling = _on_diagonal(work[..., :half, half:])
         gap = bottom - top
         nothing = coupling == 0
         root = jnp.abs(gap) + jnp.hypot(gap, 2.0 * coupling)
@@ -52,15 +56,14 @@ def symmetric_eigen(
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
         # Both sides of the matrix are turned, and the pairs change as in a tournament.
-        work = _rotate(work, cosine[..., None], sine[..., None], -2)
-        work = _rotate(work, cosine[..., None, :], sine[..., None, :], -1)
-        vectors = _rotate(vectors, cosine[..., None, :], sine[..., None, :], -1)
+        work = _rotate(_rotate(work, cosine, sine, -2), cosine, sine, -1)
+        vectors = _rotate(vectors, cosine, sine, -1)
         return work[..., order, :][..., :, order], vectors[..., :, order]
 
     def sweep(state):
         work, vectors, _, done = state
         work, vectors = jax.lax.fori_loop(0, size - 1, one_round, (work, vectors))
-        diagonal = jnp.abs(jnp.diagonal(work, axis1=-2, axis2=-1))
+        diagonal = jnp.abs(_on_diagonal(work))
         # What is left off the diagonal counts relative to its own row and column.
         scale = jnp.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
         off = jnp.abs(work) * (1.0 - np.eye(size))
@@ -73,7 +76,7 @@ def symmetric_eigen(
     start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
     work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)
     # The matrix is diagonal now.
-    values = jnp.diagonal(work, axis1=-2, axis2=-1)
+    values = _on_diagonal(work)
     if spare:  # the row that was added is the eigenvector with its own last component
         padding = jnp.abs(vectors[..., -1, :]) > 0.5
         values = jnp.select([padding], [jnp.full_like(values, jnp.inf)], values)
@@ -87,6 +90,8 @@ def symmetric_eigen(
 
 def _rotate(matrix: Array, cosine: Array, sine: Array, axis: int) -> Array:
     """Rows (or columns) of both halves turned into each other."""
+    # Pairs lie along the axis: the angle of each is the same all across it.
+    cosine, sine = (jnp.expand_dims(x, -3 - axis) for x in (cosine, sine))
     first, second = jnp.split(matrix, 2, axis=axis)
     return jnp.concatenate(
         [cosine * first - sine * second, sine * first + cosine * second], axis=axis
