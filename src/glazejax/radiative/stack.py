@@ -180,7 +180,6 @@ def stack_hemispherical_reflectance(
         substrate_reflectance=substrate_reflectance,
         refractive_index=refractive_index,
         cos_incidence=cos_incidence,
-        cos_viewing=None,
     )
     return _evaluate(inputs, tolerance, method, _reflect)
 
@@ -245,7 +244,6 @@ def split_hemispherical_reflectance(
         substrate_reflectance=substrate_reflectance,
         refractive_index=refractive_index,
         cos_incidence=cos_incidence,
-        cos_viewing=None,
     )
     return _evaluate_split(inputs, tolerance, method)
 
@@ -258,7 +256,7 @@ class _Inputs(NamedTuple):
     substrate_reflectance: Numbers
     refractive_index: Numbers
     cos_incidence: Numbers
-    cos_viewing: Numbers | None
+    cos_viewing: Numbers | None = None  # of the hemispherical flux
 
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
