@@ -96,20 +96,17 @@ def without_multiple_scattering(
     Source: paper A, eqs (19), (20), (22) with f = 0; single scattering as in S. Chandrasekhar,
     Radiative Transfer.
     """
-    depth = np.concatenate(
-        [np.zeros((albedo.shape[0], 1)), np.cumsum(optical_thickness, axis=1)], axis=1
-    )
+    depth = np.pad(np.cumsum(optical_thickness, axis=1), [(0, 0), (1, 0)])
     total = depth[:, -1]
     # The ground: lit by the beam and by itself through the surface, seen through all layers.
     lit = ground / (1.0 - ground * internal_reflection(total, index)) / np.pi
-    beam = end(cos_incidence, np.full(total.shape, index))
+    indices = np.full(total.shape, index)
+    beam = end(cos_incidence, indices)
     incoming = lit * beam.flux * np.exp(-total / beam.cosine)
     if cos_viewing is None:
         cosine, transmittance, weights = _outside(index)
-        cosine = cosine[None]
-        transmittance = transmittance[None]
     else:
-        view = end(cos_viewing, np.full(total.shape, index))
+        view = end(cos_viewing, indices)
         cosine = view.cosine[:, None]
         transmittance = view.flux[:, None]
         weights = np.ones(1)

@@ -271,7 +271,6 @@ def plan_stacks(
     if savings.hidden:
         rows, hidden = reduction.cut_below_opaque(rows, tolerance * 0.25)
     hidden_layers = int((before - count_filled(rows.optical_thickness)).sum())
-    hidden_grounds = int(hidden.sum())
     # Stacks that differed in what has gone are equal now.
     if savings.equal and (savings.layers or savings.hidden):
         rows, again = reduction.once(rows)
@@ -292,7 +291,7 @@ def plan_stacks(
         solved=int((~closed).sum()),
         layers=given_layers,
         hidden_layers=hidden_layers,
-        hidden_grounds=hidden_grounds,
+        hidden_grounds=int(hidden.sum()),
         solved_layers=sum(depth * members.size for depth, members in groups),
         groups=tuple((depth, members.size) for depth, members in groups),
     )
