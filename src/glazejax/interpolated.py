@@ -425,26 +425,24 @@ class _Builder:
 
     def refine(self, tolerance: float, most_points: int) -> tuple[np.ndarray, float]:
         """Coefficients and their estimated error."""
+        axes = len(self.axes)
         # Chebyshev's extrema: each number of points is nested in the next.
-        values = self._grid([extrema(5)] * len(self.axes))
+        values = self._grid([extrema(5)] * axes)
         while True:
-            coefficients = series_coefficients(values, len(self.axes))
-            points = np.zeros((0, len(self.axes)))
-            truth = np.zeros((0, values.shape[-1]))
+            coefficients = series_coefficients(values, axes)
+            self.checks = np.zeros((0, axes))
+            self.truth = np.zeros((0, values.shape[-1]))
             error = 0.0
             # Few checks find a table that is far too coarse; more of them judge a good one.
             for count in _CHECKS:
-                new = self._random_points(count)
-                points = np.concatenate([points, new])
-                truth = np.concatenate([truth, self.function(new)])
-                error = self._measure_error(coefficients, points, truth)
+                self._add_checks(count)
+                error = self._measure_error(coefficients)
                 if error > tolerance:
                     break
             if error <= tolerance:
-                return self._shortened(coefficients, error, tolerance, points, truth)
+                return self._shortened(coefficients, error, tolerance)
             tails = [
-                float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:])))
-                for k in range(len(self.axes))
+                float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:]))) for k in range(axes)
             ]
             # Up to so many points; axes whose last coefficients are within a quarter of the largest
             # grow together.
@@ -459,12 +457,7 @@ class _Builder:
                     values = self._refined(values, k)
 
     def _shortened(
-        self,
-        coefficients: np.ndarray,
-        error: float,
-        tolerance: float,
-        points: np.ndarray,
-        truth: np.ndarray,
+        self, coefficients: np.ndarray, error: float, tolerance: float
     ) -> tuple[np.ndarray, float]:
         """Fewer terms, as long as the error stays below: nodes double, so that half of them may be
         needless.
@@ -476,29 +469,33 @@ class _Builder:
             tried = [
                 last.take(range(n - 1), axis=k) for k, n in enumerate(last.shape[:-1]) if n > 2
             ]
-            missed = [self._measure_error(short, points, truth) for short in tried]
+            missed = [self._measure_error(short) for short in tried]
             if not tried or min(missed) > tolerance:
                 break
             shorter.append(tried[int(np.argmin(missed))])
         if len(shorter) == 1:
             return coefficients, error
         # Terms were dropped by the errors at these points, so others must judge.
-        fresh = self._random_points(_CHECKS[-1])
-        points = np.concatenate([points, fresh])
-        truth = np.concatenate([truth, self.function(fresh)])
+        self._add_checks(_CHECKS[-1])
         # Back to more terms, until the other points agree.
         while True:
             last = shorter.pop()
-            error = self._measure_error(last, points, truth)
+            error = self._measure_error(last)
             if error <= tolerance or not shorter:
                 return last, error
 
-    def _measure_error(
-        self, coefficients: np.ndarray, points: np.ndarray, truth: np.ndarray
-    ) -> float:
-        guess = _values(self.axes, coefficients, points.T, np).T
-        shape = (len(points), *self.function.shape)
-        return SAFETY * float(np.max(self.distance(guess.reshape(shape), truth.reshape(shape))))
+    def _measure_error(self, coefficients: np.ndarray) -> float:
+        guess = _values(self.axes, coefficients, self.checks.T, np).T
+        shape = (len(self.checks), *self.function.shape)
+        return SAFETY * float(
+            np.max(self.distance(guess.reshape(shape), self.truth.reshape(shape)))
+        )
+
+    def _add_checks(self, count: int) -> None:
+        """Compute the function at points that had no part in the table."""
+        new = self._random_points(count)
+        self.checks = np.concatenate([self.checks, new])
+        self.truth = np.concatenate([self.truth, self.function(new)])
 
     def _random_points(self, count: int) -> np.ndarray:
         """Points not used before: of the samples, or half of them evenly and half as the
