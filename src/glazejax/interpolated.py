@@ -352,19 +352,21 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
         further = []
     elif not further:
         # A product of so small a matrix is slow, and the polynomials need not be kept.
-        return functools.reduce(
-            lambda total, k: total + coefficients[k][:, None] * first[k],
-            range(1, len(first)),
-            coefficients[0][:, None] * first[0],
-        )
+        return _term_by_term(coefficients[..., None], first)
     values = matmul(xp, coefficients.reshape(first.shape[0], -1).T, first)
     for basis in further:
         values = values.reshape(basis.shape[0], -1, values.shape[-1])
-        # Term by term, not one sum over an axis: the compiler then vectorises along the points.
-        values = functools.reduce(
-            lambda total, k: total + values[k] * basis[k], range(1, len(basis)), values[0]
-        )
+        values = _term_by_term(values, basis)
     return values
+
+
+def _term_by_term(values: Any, basis: Any) -> Any:
+    """Sum of values times polynomials, the first of which is one; not one sum over an axis: the
+    compiler then vectorises along the points.
+    """
+    return functools.reduce(
+        lambda total, k: total + values[k] * basis[k], range(1, len(basis)), values[0]
+    )
 
 
 class _Counted:
