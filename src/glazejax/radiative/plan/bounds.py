@@ -15,10 +15,15 @@ and the ground's (paper A, eqs (9), (17), (21)). So whatever function Psi obeys 
                               by exponentials.)
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+PerStack: TypeAlias = Float[np.ndarray, "stacks"]
+"""A number a stack."""
+PerLayer: TypeAlias = Float[np.ndarray, "stacks layers"]
+"""A number for each layer of each stack, top first."""
 
 # Rates from 0 to almost 1, by which kappa(q) is rounded down. A rate of one would make radiances
 # unbounded.
@@ -55,7 +60,7 @@ def decay_rate(albedo: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch
 
 
 def count_filled(
-    optical_thickness: Float[np.ndarray, "stacks layers"],
+    optical_thickness: PerLayer,
 ) -> Int[np.ndarray, "stacks"]:
     """Number of layers down to the last that is not empty."""
     order = np.arange(1, optical_thickness.shape[1] + 1)
@@ -63,10 +68,10 @@ def count_filled(
 
 
 def hidden_below(
-    albedo: Float[np.ndarray, "stacks layers"],
-    optical_thickness: Float[np.ndarray, "stacks layers"],
-    ground: Float[np.ndarray, "stacks"],
-    refractive_index: Float[np.ndarray, "stacks"],
+    albedo: PerLayer,
+    optical_thickness: PerLayer,
+    ground: PerStack,
+    refractive_index: PerStack,
     incidence: End,
     viewing: End,
     tolerance: float,
@@ -131,12 +136,12 @@ def _straight(depth: np.ndarray, incidence: End, viewing: End) -> np.ndarray:
 
 
 def hidden_change(
-    albedo: Float[np.ndarray, "stacks layers"],
-    thickness: Float[np.ndarray, "stacks layers"],
-    index: Float[np.ndarray, "stacks"],
+    albedo: PerLayer,
+    thickness: PerLayer,
+    index: PerStack,
     incidence: End,
     viewing: End,
-) -> Float[np.ndarray, "stacks"]:
+) -> PerStack:
     """Upper bound on what anything below the given layers adds to what they reflect over black;
     (stacks,).
 
@@ -194,13 +199,13 @@ def _absorption(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
 
 
 def scattered_beyond_first(
-    albedo: Float[np.ndarray, "stacks layers"],
-    optical_thickness: Float[np.ndarray, "stacks layers"],
-    ground_radiosity: tuple[Float[np.ndarray, "stacks"], Float[np.ndarray, "stacks"]],
-    refractive_index: Float[np.ndarray, "stacks"],
+    albedo: PerLayer,
+    optical_thickness: PerLayer,
+    ground_radiosity: tuple[PerStack, PerStack],
+    refractive_index: PerStack,
     incidence: End,
     viewing: End,
-) -> Float[np.ndarray, "stacks"]:
+) -> PerStack:
     """Ceiling of all light but that scattered once by a layer, or only by the ground; (stacks,).
 
     With J0 the field without scattering in the layers, the rest is 4 pi^2/n^2 times the integral

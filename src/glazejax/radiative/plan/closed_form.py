@@ -10,12 +10,11 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.quadrature import Directions, gauss, graded_gauss
-from .bounds import End
+from .bounds import End, PerLayer, PerStack
 
 # Enough for 1e-11; the index is a number here, and each node costs one exponential a stack.
 _INSIDE = Resolution(cone=24, total=40, crowded=False)
@@ -26,14 +25,12 @@ _NEAR_ONE = 1.07
 class FirstOrder(NamedTuple):
     """Reflectance without multiple scattering in the layers."""
 
-    reflectance: Float[np.ndarray, "stacks"]
-    ground_radiosity: tuple[Float[np.ndarray, "stacks"], Float[np.ndarray, "stacks"]]
+    reflectance: PerStack
+    ground_radiosity: tuple[PerStack, PerStack]
     """Radiance that leaves the ground for unit irradiance by incidence and by viewing."""
 
 
-def end(
-    cosine_air: Float[np.ndarray, "stacks"] | None, refractive_index: Float[np.ndarray, "stacks"]
-) -> End:
+def end(cosine_air: PerStack | None, refractive_index: PerStack) -> End:
     """The incident beam or the view, by its cosine in air; None for all viewing directions
     together.
     """
@@ -61,9 +58,7 @@ def _outside(index: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.asarray(cos_refracted(mu, index)), transmittance, 2.0 * mu * weights
 
 
-def internal_reflection(
-    depth: Float[np.ndarray, "stacks"], index: float
-) -> Float[np.ndarray, "stacks"]:
+def internal_reflection(depth: PerStack, index: float) -> PerStack:
     """K = 2 int R mu exp(-2 h/mu) dmu: what the interface sends back to the ground.
 
     Args:
@@ -77,12 +72,12 @@ def internal_reflection(
 
 
 def without_multiple_scattering(
-    albedo: Float[np.ndarray, "stacks layers"],
-    optical_thickness: Float[np.ndarray, "stacks layers"],
-    ground: Float[np.ndarray, "stacks"],
+    albedo: PerLayer,
+    optical_thickness: PerLayer,
+    ground: PerStack,
     index: float,
-    cos_incidence: Float[np.ndarray, "stacks"],
-    cos_viewing: Float[np.ndarray, "stacks"] | None,
+    cos_incidence: PerStack,
+    cos_viewing: PerStack | None,
 ) -> FirstOrder:
     """Ground seen through absorbing layers, plus light scattered once on a straight way.
 

@@ -9,19 +9,19 @@ from jaxtyping import Bool, Float, Int
 
 from ..common.chunks import pieces_of
 from . import closed_form
-from .bounds import End, hidden_below, scattered_beyond_first
+from .bounds import End, PerLayer, PerStack, hidden_below, scattered_beyond_first
 
 
 @dataclass(frozen=True)
 class Rows:
     """Stacks as rows, float64; before broadcasting, whatever broadcasts to them."""
 
-    albedo: Float[np.ndarray, "stacks layers"]
-    optical_thickness: Float[np.ndarray, "stacks layers"]
-    ground: Float[np.ndarray, "stacks"]
-    refractive_index: Float[np.ndarray, "stacks"]
-    cos_incidence: Float[np.ndarray, "stacks"]
-    cos_viewing: Float[np.ndarray, "stacks"] | None
+    albedo: PerLayer
+    optical_thickness: PerLayer
+    ground: PerStack
+    refractive_index: PerStack
+    cos_incidence: PerStack
+    cos_viewing: PerStack | None
 
     @property
     def count(self) -> int:
