@@ -28,13 +28,6 @@ _CONE_NODES_NEAR_ONE = 56
 _NEAR_ONE = 1.2
 
 
-def exp1(x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Exponential integral E_1(x) for x >= 0; infinite at zero, where the slope is the largest
-    finite number's.
-    """
-    return expn(1, x)
-
-
 def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     """Exponential integral E_n(x) for x >= 0.
 
@@ -187,7 +180,6 @@ def internal_reflection_integral(
     power: int,
     x: Float[ArrayLike, "..."],
     refractive_index: float | Float[Array, "..."],
-    nodes: int | None = None,
 ) -> Float[Array, "..."]:
     """Integral over mu in [0, 1] of R(mu) mu^(power-1) e^(-x/mu), R the internal Fresnel
     reflectance.
@@ -201,7 +193,6 @@ def internal_reflection_integral(
             has a logarithm.
         refractive_index: n >= 1, a number or an array that broadcasts against x. At n = 1 the
             result is zero.
-        nodes: of the cone's quadrature, static.
 
     Returns:
         The integral, broadcast shape. Absolute error some 1e-15 in float64 (relative to its value
@@ -216,7 +207,7 @@ def internal_reflection_integral(
         return jnp.zeros_like(x)
     if not isinstance(refractive_index, jax.Array) and np.ndim(refractive_index) > 0:
         refractive_index = jnp.asarray(refractive_index, x.dtype)
-    mu, w, r = (jnp.asarray(v, x.dtype) for v in cone_nodes(refractive_index, nodes))
+    mu, w, r = (jnp.asarray(v, x.dtype) for v in cone_nodes(refractive_index))
     # The cone by its nodes; beyond the critical angle R = 1: mu_c^p E_(p+1)(x/mu_c).
     cone = jnp.sum(w * r * mu ** (power - 1) * jnp.exp(-x[..., None] / mu), axis=-1)
     n = jnp.asarray(refractive_index, x.dtype)
