@@ -199,14 +199,8 @@ def internal_reflection_integral(
         at x = 0).
     """
     x = _floating(x)
-    if (
-        not isinstance(refractive_index, jax.Array)
-        and np.ndim(refractive_index) == 0
-        and refractive_index == 1
-    ):
+    if not isinstance(refractive_index, jax.Array) and refractive_index == 1:
         return jnp.zeros_like(x)
-    if not isinstance(refractive_index, jax.Array) and np.ndim(refractive_index) > 0:
-        refractive_index = jnp.asarray(refractive_index, x.dtype)
     mu, w, r = (jnp.asarray(v, x.dtype) for v in cone_nodes(refractive_index))
     # The cone by its nodes; beyond the critical angle R = 1: mu_c^p E_(p+1)(x/mu_c).
     cone = jnp.sum(w * r * mu ** (power - 1) * jnp.exp(-x[..., None] / mu), axis=-1)
