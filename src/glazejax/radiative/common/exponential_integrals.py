@@ -9,13 +9,18 @@ have a fixed number of terms, unlike `jax.scipy.special.expn`, whose cost grows 
 
 import functools
 import math
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .kernels import Reals
 from .quadrature import gauss
+
+Arguments: TypeAlias = Float[ArrayLike, "..."]
+"""Numbers that a function is asked for, JAX's or not."""
 
 _SPLIT = 1.0
 _SERIES_TERMS = 20
@@ -28,7 +33,7 @@ _CONE_NODES_NEAR_ONE = 56
 _NEAR_ONE = 1.2
 
 
-def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def expn(order: int, x: Arguments) -> Reals:
     """Exponential integral E_n(x) for x >= 0.
 
     Args:
@@ -43,7 +48,7 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def _expn(order: int, x: Arguments) -> Reals:
     x = _floating(x)
     tiny = least_argument(x.dtype)
     if order == 0:
@@ -178,9 +183,9 @@ def cone_nodes(
 
 def internal_reflection_integral(
     power: int,
-    x: Float[ArrayLike, "..."],
-    refractive_index: float | Float[Array, "..."],
-) -> Float[Array, "..."]:
+    x: Arguments,
+    refractive_index: float | Reals,
+) -> Reals:
     """Integral over mu in [0, 1] of R(mu) mu^(power-1) e^(-x/mu), R the internal Fresnel
     reflectance.
 
@@ -211,7 +216,7 @@ def internal_reflection_integral(
     return jnp.where(jnp.asarray(n > 1.0), result, jnp.zeros_like(result))
 
 
-def critical_cosine(refractive_index: float | Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def critical_cosine(refractive_index: float | Arguments) -> Reals:
     """Cosine inside of the critical angle, sqrt(1 - 1/n^2), kept just above zero for n =
     1, (...).
     """

@@ -6,11 +6,15 @@ nothing special.
 """
 
 import math
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+Reals: TypeAlias = Float[Array, "..."]
+"""Real numbers in any shape; those of one call broadcast."""
 
 # Below these arguments the power series is used; above, the closed form has lost few digits.
 _SERIES_PHI = 0.5
@@ -64,7 +68,7 @@ def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
 
 
 @jax.custom_jvp
-def phi(x: Float[Array, "..."]) -> Float[Array, "..."]:
+def phi(x: Reals) -> Reals:
     """(1 - exp(-x)) / x for x >= 0, equal to one at zero."""
     safe = jnp.where(x == 0, 1.0, x)
     return jnp.where(x == 0, 1.0, -jnp.expm1(-safe) / safe)
@@ -86,7 +90,7 @@ def _phi_jvp(primals, tangents):
 
 
 @jax.custom_jvp
-def quotient(a: Float[Array, "..."], b: Float[Array, "..."]) -> Float[Array, "..."]:
+def quotient(a: Reals, b: Reals) -> Reals:
     """a / b, whose slope ends with a division too.
 
     What ends with one XLA computes once and keeps. What ends with anything else it computes again
@@ -105,7 +109,7 @@ def _quotient_jvp(primals, tangents):
     return value, (d_a - value * d_b) / b
 
 
-def fading(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tuple[Array, Array]:
+def fading(decay_squared: Reals, depth: Reals) -> tuple[Array, Array]:
     """kappa = sqrt(decay_squared), but never zero, and expm1(-kappa depth)."""
     tiny = float(np.finfo(decay_squared.dtype).tiny)
     kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
@@ -113,9 +117,7 @@ def fading(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tu
 
 
 @jax.custom_jvp
-def tanh_sech(
-    decay_squared: Float[Array, "..."], depth: Float[Array, "..."]
-) -> tuple[Array, Array]:
+def tanh_sech(decay_squared: Reals, depth: Reals) -> tuple[Array, Array]:
     """tanh(kappa D)/kappa and 1/cosh(kappa D), both even in kappa = sqrt(decay_squared) >= 0."""
     kappa, faded = fading(decay_squared, depth)
     fade = 1.0 + faded
@@ -143,18 +145,18 @@ def _tanh_sech_jvp(primals, tangents):
     return (tanh, sech), (d_tanh, d_sech)
 
 
-def decay_integral(a: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[Array, "..."]:
+def decay_integral(a: Reals, depth: Reals) -> Reals:
     """Integral of exp(-a t) over t in [0, depth]."""
     return depth * phi(a * depth)
 
 
 def two_decays(
-    a: Float[Array, "..."],
-    b: Float[Array, "..."],
-    depth: Float[Array, "..."],
-    faded_a: Float[Array, "..."],
-    faded_b: Float[Array, "..."],
-) -> Float[Array, "..."]:
+    a: Reals,
+    b: Reals,
+    depth: Reals,
+    faded_a: Reals,
+    faded_b: Reals,
+) -> Reals:
     """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D)/(b - a), regular
     at a = b.
 
