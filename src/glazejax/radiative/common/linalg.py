@@ -8,11 +8,15 @@ row, which carries the whole batch through memory once a row.
 """
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+Matrices: TypeAlias = Float[Array, "*batch n n"]
+"""Square matrices, batch first."""
 
 # Up to so many terms, or with so few rows, a product written as a sum, which XLA fuses with what
 # surrounds it, beats a call of its matrix product: twice for six terms, not at all for eight; with
@@ -48,7 +52,7 @@ def transpose(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
 
 
 @jax.named_scope("inverse")
-def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+def inverse_positive(a: Matrices) -> Matrices:
     """Inverse of a symmetric positive definite matrix, by halves: Schur's complement of the upper
     left block.
     """
@@ -87,7 +91,7 @@ def _with_slope(inverse: Callable[[Array], Array]) -> Callable[[Array], Array]:
 
 
 @_with_slope
-def inverse_symmetric(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+def inverse_symmetric(a: Matrices) -> Matrices:
     """`inverse_positive` with a derivative that is a product: faster than `inverse`, slower to
     compile.
     """
@@ -95,7 +99,7 @@ def inverse_symmetric(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n
 
 
 @_with_slope
-def inverse(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+def inverse(a: Matrices) -> Matrices:
     """Inverse by Gauss and Jordan's sweep over the rows, in place, without pivoting; its derivative
     is a product.
 
@@ -116,9 +120,7 @@ def inverse(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
 _BLOCK = 4
 
 
-def solve_positive(
-    a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]
-) -> Float[Array, "*batch n m"]:
+def solve_positive(a: Matrices, b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:
     """Solve A x = b for a symmetric positive definite or diagonally dominant A.
 
     Blocked Gauss-Jordan elimination without pivoting. A loop over blocks rather than unrolled

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.kernels import phi, tanh_sech
-from ..common.linalg import einsum, inverse, matmul, transpose
+from ..common.linalg import Matrices, einsum, inverse, matmul, transpose
 from ..common.quadrature import gauss
 from .bordered import Bordered
 from .doubling import pair, reflection_and_loss
@@ -40,13 +40,13 @@ class Eigenvectors(NamedTuple):
 
     decay_squared: Float[Array, "*batch n"]
     """kappa^2, ascending."""
-    shapes: Float[Array, "*batch n n"]
+    shapes: Matrices
     """W, columns: the sum of down- and upward light, sqrt(mu w) I, in each mode."""
-    projection: Float[Array, "*batch n n"]
+    projection: Matrices
     """W^-1."""
 
 
-def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Eigenvectors:
+def layer_modes(a: Matrices, b: Matrices) -> Eigenvectors:
     """Eigenvectors of layers.
 
     Args:

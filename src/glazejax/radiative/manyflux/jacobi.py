@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.linalg import Matrices
+
 _on_diagonal = functools.partial(jnp.diagonal, axis1=-2, axis2=-1)
 
 
-def symmetric_eigen(
-    a: Float[Array, "*batch n n"],
-) -> tuple[Float[Array, "*batch n"], Float[Array, "*batch n n"]]:
+def symmetric_eigen(a: Matrices) -> tuple[Float[Array, "*batch n"], Matrices]:
     """Eigenvalues in ascending order and eigenvectors (columns) of symmetric matrices; without
     derivatives.
 
