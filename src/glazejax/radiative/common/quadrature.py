@@ -13,14 +13,16 @@ from .fresnel import array_module, dielectric_reflectance
 
 Nodes: TypeAlias = tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]
 """Nodes and weights on [0, 1]."""
+PerNode: TypeAlias = Float[Array | np.ndarray, "*batch n"]
+"""A number a node, NumPy's where the index is a number."""
 
 
 class Directions(NamedTuple):
     """Nodes inside the medium, cosines descending. A leading batch axis appears where n varies."""
 
-    cosines: Array | np.ndarray  # (..., n), mu in (0, 1]
-    weights: Array | np.ndarray  # (..., n), sum w = 1, sum w mu = 1/2
-    reflectance: Array | np.ndarray  # (..., n), internal Fresnel reflectance R(mu)
+    cosines: PerNode  # (..., n), mu in (0, 1]
+    weights: PerNode  # (..., n), sum w = 1, sum w mu = 1/2
+    reflectance: PerNode  # (..., n), internal Fresnel reflectance R(mu)
 
 
 # Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx
@@ -78,7 +80,7 @@ def graded_gauss(count: int, crowding: float | None = None) -> Nodes:
 
 def split_range(
     refractive_index: float | Float[Array, "*batch"],
-    outside: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]],
+    outside: Nodes,
     below: tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]] | None,
     reach: float | None = None,
 ) -> Directions:
@@ -164,9 +166,7 @@ def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
     return weights * (1.0 + scaled) + grazing_weights * added
 
 
-def conserve(
-    cosines: Float[Array | np.ndarray, "*batch n"], weights: Float[Array | np.ndarray, "*batch n"]
-) -> Float[Array | np.ndarray, "*batch n"]:
+def conserve(cosines: PerNode, weights: PerNode) -> PerNode:
     """Weights with sum w = 1 and sum w mu = 1/2 exactly, by the smallest relative change.
 
     Without it an albedo of one would lose energy.
