@@ -9,13 +9,16 @@ Azimuths are degrees, 0 the mirror side, as in `glazejax.geometry`; cosines are 
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from ..common.fresnel import dielectric_reflectance
 from .facets import masking, visible_facets
+
+PerDirection: TypeAlias = Float[np.ndarray, "*batch"]
+"""A number for each direction, or pair of them."""
 
 SMOOTH = 1e-4
 """Below this alpha a surface counts as a mirror."""
@@ -46,12 +49,12 @@ def facets_between(
 
 
 def lobe_factor(
-    mu_in: Float[np.ndarray, "*batch"],
-    mu_out: Float[np.ndarray, "*batch"],
-    azimuth: Float[np.ndarray, "*batch"],
+    mu_in: PerDirection,
+    mu_out: PerDirection,
+    azimuth: PerDirection,
     alpha: float,
     index: float,
-) -> Float[np.ndarray, "*batch"]:
+) -> PerDirection:
     """Reflectance factor pi f of a rough dielectric's outer surface as renderers have it, (...); 0
     for a smooth one, which is a mirror.
     """
@@ -63,9 +66,7 @@ def lobe_factor(
     return density * fresnel * _both_seen(mu_in, mu_out, alpha) * again
 
 
-def lobe_albedo(
-    mu: Float[np.ndarray, "*batch"], alpha: float, index: float
-) -> Float[np.ndarray, "*batch"]:
+def lobe_albedo(mu: PerDirection, alpha: float, index: float) -> PerDirection:
     """Directional albedo of `lobe_factor`, and of the mirror where the surface is smooth, (...)."""
     mu = np.asarray(mu, float)
     if index == 1.0:
@@ -75,16 +76,14 @@ def lobe_albedo(
     return _albedo(mu, alpha, index)
 
 
-def facet_albedo(mu: Float[np.ndarray, "*batch"], alpha: float) -> Float[np.ndarray, "*batch"]:
+def facet_albedo(mu: PerDirection, alpha: float) -> PerDirection:
     """Directional albedo of facets that reflect everything, once: below 1 by what goes on to other
     facets.
     """
     return _albedo(mu, alpha, None)
 
 
-def _albedo(
-    mu: Float[np.ndarray, "*batch"], alpha: float, index: float | None
-) -> Float[np.ndarray, "*batch"]:
+def _albedo(mu: PerDirection, alpha: float, index: float | None) -> PerDirection:
     values, where = np.unique(mu, return_inverse=True)
     return _albedos(tuple(values.tolist()), alpha, index)[where].reshape(np.shape(mu))
 
