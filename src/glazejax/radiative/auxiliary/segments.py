@@ -10,10 +10,13 @@ Arrays have the segment (or the layer) first, the stack second; N is the largest
 and those that a stack does not have hold no albedo.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+PerSegment: TypeAlias = Float[Array, "n stacks"]
+"""A number for each segment of each stack."""
 
 
 class SegmentWeights(NamedTuple):
@@ -21,9 +24,9 @@ class SegmentWeights(NamedTuple):
     its slope over each segment.
     """
 
-    edges: Float[Array, "n stacks"]
+    edges: PerSegment
     """At left edges, to be subtracted."""
-    next_edges: Float[Array, "n stacks"]
+    next_edges: PerSegment
     """At right edges."""
     faces: Float[Array, "layers stacks"]
     held_by: Int[Array, "layers stacks"]
@@ -50,7 +53,7 @@ class Segments(NamedTuple):
     on both.
     """
 
-    edges: Float[Array, "n stacks"]
+    edges: PerSegment
     """Depth of each segment's left edge."""
     faces: Float[Array, "layers stacks"]
     """Depth of each layer's lower face; the last is the ground."""
@@ -58,9 +61,9 @@ class Segments(NamedTuple):
     """Of int_segment q v' ds: the albedo at the edges, 0 where there is no segment, and how much it
     falls at each face; at the ground all of it.
     """
-    scattering: Float[Array, "n stacks"]
+    scattering: PerSegment
     """int_segment q ds, exactly 0 where negligible."""
-    doubled: Float[Array, "n stacks"]
+    doubled: PerSegment
     """int_segment q^2 ds over int_segment q ds."""
     averaging: SegmentWeights
     """Of the mean of v' over each segment, weighted by the albedo; unweighted where nothing
