@@ -40,7 +40,10 @@ from .common.quadrature import gauss
 from .common.stack_arrays import StackArrays
 from .stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
-Profile: TypeAlias = Callable[[Array], Array] | Numbers
+DepthFunction: TypeAlias = Callable[[Array], Array]
+"""A function of the depth, or of its share: (..., points) to (..., points)."""
+
+Profile: TypeAlias = DepthFunction | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
 
 ProfileMethod: TypeAlias = Literal["ordinates", "auxiliary"]
@@ -135,8 +138,8 @@ def profile_hemispherical_reflectance(
 class _ProfileFilm(NamedTuple):
     """A profile in the share u of the film's depth, u in [0, 1]."""
 
-    absorption: Callable[[Array], Array]  # (..., points) -> (..., points)
-    scattering: Callable[[Array], Array]
+    absorption: DepthFunction
+    scattering: DepthFunction
     intervals: int | None  # equal parts of the depth in which samples are linear
     thickness: Array
     batch: tuple[int, ...]  # of everything
@@ -172,7 +175,7 @@ def _film(
     shapes = {"thickness": thickness.shape}
     for name, profile in profiles.items():
         if callable(profile):
-            functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
+            functions.append(_of_share(name, cast(DepthFunction, profile), thickness))
             # A function shows its batch at some depths.
             shapes[name] = functions[-1](jnp.linspace(0.0, 1.0, 9, dtype=dtype)).shape[:-1]
             continue
@@ -211,9 +214,7 @@ def _refuse(name: str, values: Array, requirement: str) -> None:
         raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
 
 
-def _of_share(
-    name: str, profile: Callable[[Array], Array], thickness: Array
-) -> Callable[[Array], Array]:
+def _of_share(name: str, profile: DepthFunction, thickness: Array) -> DepthFunction:
     def function(share: Array) -> Array:
         depth = share * thickness[..., None]
         values = jnp.asarray(profile(depth), depth.dtype)
@@ -228,7 +229,7 @@ def _of_share(
     return function
 
 
-def _piecewise_linear(samples: Array) -> Callable[[Array], Array]:
+def _piecewise_linear(samples: Array) -> DepthFunction:
     count = samples.shape[-1] - 1
 
     def function(share: Array) -> Array:
@@ -265,7 +266,7 @@ def _solve_sliced(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -
         share = jnp.asarray(((np.arange(count)[:, None] + x) / count).ravel(), film.thickness.dtype)
 
         # Mean k and s of each slice, by Gauss's rule in it.
-        def mean(profile: Callable[[Array], Array]) -> Array:
+        def mean(profile: DepthFunction) -> Array:
             values = profile(share)
             slices = values.reshape(*values.shape[:-1], count, len(x))
             return einsum("...i,i->...", slices, jnp.asarray(w, values.dtype))
