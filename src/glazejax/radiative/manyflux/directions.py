@@ -8,7 +8,7 @@ two the best is searched for, once for each case.
 
 import functools
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,8 @@ from jaxtyping import Float
 from ..common.quadrature import Directions, Nodes, conserve, gauss, graded_gauss, split_range
 
 Rule = TypeVar("Rule")
+MomentSizes: TypeAlias = tuple[float, ...]
+"""Legendre moments of the phase functions, the largest of each in absolute value."""
 
 _CROWDING = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 
@@ -48,14 +50,14 @@ def spread_directions(index: float, spread: NodeSpread) -> Directions:
 
 @functools.lru_cache(maxsize=256)
 def fewest_directions(
-    tolerance: float, index: float, sizes: tuple[float, ...], streams: int | None
+    tolerance: float, index: float, sizes: MomentSizes, streams: int | None
 ) -> NodeSpread:
     """Fewest directions for an accuracy, or the best way to spread a number of them.
 
     Args:
         tolerance: absolute error wanted.
         index: refractive index.
-        sizes: Legendre moments of the phase functions, the largest of each in absolute value.
+        sizes: of the moments.
         streams: number of directions, if it is given.
 
     Raises:
@@ -117,7 +119,7 @@ def _nodes(count: int, crowding: float) -> Nodes:
 
 @functools.lru_cache(maxsize=256)
 def _best(
-    index: float, count: int, sizes: tuple[float, ...], crowdings: tuple[float, ...] = _CROWDING
+    index: float, count: int, sizes: MomentSizes, crowdings: tuple[float, ...] = _CROWDING
 ) -> tuple[float, NodeSpread]:
     # Shares of the nodes in the cone of refraction to try; at an index of 1 all light can leave.
     cones = (
@@ -132,12 +134,12 @@ def _best(
 
 
 @functools.lru_cache(maxsize=64)
-def _exact_sums(index: float, sizes: tuple[float, ...]) -> np.ndarray:
+def _exact_sums(index: float, sizes: MomentSizes) -> np.ndarray:
     # A fine rule stands for the exact sums.
     return _sums(index, NodeSpread(100, 100, _CROWDING[-1]), sizes)
 
 
-def _sums(index: float, spread: NodeSpread, sizes: tuple[float, ...]) -> np.ndarray:
+def _sums(index: float, spread: NodeSpread, sizes: MomentSizes) -> np.ndarray:
     return scattered_sums(spread_directions(index, spread), np.array(sizes))
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
 from ..common.inputs import check_choice
-from .directions import NodeSpread, fewest_directions, spread_directions
+from .directions import MomentSizes, NodeSpread, fewest_directions, spread_directions
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
@@ -97,7 +97,7 @@ def choose_effort(
 
 def _directions(
     media: float | Media,
-    sizes: tuple[float, ...],
+    sizes: MomentSizes,
     tolerance: float,
     streams: int | None,
     least_cosine: float,

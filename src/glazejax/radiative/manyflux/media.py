@@ -9,13 +9,16 @@ medium in which its upper end grazes.
 
 import functools
 import itertools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..common.quadrature import Directions, gauss, graded_gauss
-from .directions import best_rule, first_good, scattered_sums
+from .directions import MomentSizes, best_rule, first_good, scattered_sums
+
+NodeNumbers: TypeAlias = Float[np.ndarray, "n"]
+"""A number for each direction."""
 
 
 class Media(NamedTuple):
@@ -42,11 +45,11 @@ class SharedSpread(NamedTuple):
 class SharedDirections(NamedTuple):
     """Directions by what they keep; see `in_medium`."""
 
-    flux: Float[np.ndarray, "n"]
+    flux: NodeNumbers
     """n^2 mu w."""
-    end: Float[np.ndarray, "n"]
+    end: NodeNumbers
     """The end of the direction's piece."""
-    beyond: Float[np.ndarray, "n"]
+    beyond: NodeNumbers
     """The end squared less (n sin theta)^2, exact near grazing."""
 
 
@@ -76,7 +79,7 @@ def shared_directions(pieces: SharedSpread) -> SharedDirections:
 
 def in_medium(
     common: SharedDirections, index: float
-) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+) -> tuple[NodeNumbers, NodeNumbers, Bool[np.ndarray, "n"]]:
     """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one,
     the weight zero.
     """
@@ -112,7 +115,7 @@ def interface_reflectance(
 def fewest_shared_directions(
     media: tuple[float, ...],
     outside: tuple[float, ...],
-    sizes: tuple[float, ...],
+    sizes: MomentSizes,
     tolerance: float,
     streams: int | None,
 ) -> SharedSpread:
@@ -121,7 +124,7 @@ def fewest_shared_directions(
     Args:
         media: refractive indices of the layers.
         outside: of the air, and of the medium below where light leaves there.
-        sizes: Legendre moments of the phase functions, the largest of each in absolute value.
+        sizes: of the moments.
         tolerance: absolute error wanted.
         streams: number of directions, if it is given.
 
