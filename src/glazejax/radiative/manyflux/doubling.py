@@ -14,12 +14,17 @@ U = 1 - T is carried instead of T, so that thin layers keep their relative accur
 one loses no light. Everything is rational in what is given: gradients have no special cases.
 """
 
+from typing import TypeAlias
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .bordered import Bordered
+
+LayerOperators: TypeAlias = tuple[Bordered, Bordered]
+"""Reflection R and loss U = 1 - T of layers."""
 
 # Series of tanh(x)/x in x^2, for x up to an eighth.
 _SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075)
@@ -41,7 +46,7 @@ def doublings(thickest: float | None, least_cosine: float) -> int:
 
 def layer_by_doubling(
     a: Bordered, b: Bordered, thickness: Float[Array, "*batch"], count: int
-) -> tuple[Bordered, Bordered]:
+) -> LayerOperators:
     """Reflection R and loss U = 1 - T of layers.
 
     Args:
@@ -58,7 +63,7 @@ def layer_by_doubling(
     return jax.lax.fori_loop(0, count, lambda _, layer: _double(*layer), start)
 
 
-def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Bordered]:
+def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> LayerOperators:
     # A slice's faces lie at the distance h from its middle.
     h = 0.5 * depth
 
@@ -83,7 +88,7 @@ def pair(one: Bordered, other: Bordered) -> Bordered:
     return jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), one, other)
 
 
-def reflection_and_loss(impedance: Bordered) -> tuple[Bordered, Bordered]:
+def reflection_and_loss(impedance: Bordered) -> LayerOperators:
     """R and U = 1 - T of a layer from the `pair` of X and Y at its face, both symmetric."""
     # Half of 2 X (1 + X)^-1 and the like.
     halves = impedance @ impedance.plus_identity().inverse()
@@ -91,7 +96,7 @@ def reflection_and_loss(impedance: Bordered) -> tuple[Bordered, Bordered]:
     return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
 
 
-def _double(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
+def _double(r: Bordered, loss: Bordered) -> LayerOperators:
     """Two equal layers: R + T (1 - R R)^-1 R T and 1 - T (1 - R R)^-1 T."""
     t = loss.one_minus()
     # (1 - R R)^-1: light between the two layers goes to and fro.

@@ -31,7 +31,7 @@ from ..common.kernels import phi, tanh_sech
 from ..common.linalg import Matrices, einsum, inverse, matmul, transpose
 from ..common.quadrature import gauss
 from .bordered import Bordered
-from .doubling import pair, reflection_and_loss
+from .doubling import LayerOperators, pair, reflection_and_loss
 from .jacobi import symmetric_eigen
 
 
@@ -57,9 +57,7 @@ def layer_modes(a: Matrices, b: Matrices) -> Eigenvectors:
     return Eigenvectors(squared, shapes, matmul(transpose(shapes), inverse(a)))
 
 
-def layer_by_modes(
-    a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]
-) -> tuple[Bordered, Bordered]:
+def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) -> LayerOperators:
     """Reflection R and loss U = 1 - T of layers; the same as `layer_by_doubling`.
 
     Args:

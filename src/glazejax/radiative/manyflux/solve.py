@@ -14,7 +14,7 @@ from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import einsum
 from .bordered import Bordered, Diagonal
 from .directions import NodeSpread, spread_directions
-from .doubling import layer_by_doubling
+from .doubling import LayerOperators, layer_by_doubling
 from .effort import FluxEffort
 from .eigenmodes import layer_by_modes
 from .media import SharedSpread
@@ -90,7 +90,7 @@ def _reflected_back(cosines: Array, index) -> Array:
 
 def layer_operators(
     a: Bordered, b: Bordered, thickness: Array, effort: FluxEffort
-) -> tuple[Bordered, Bordered]:
+) -> LayerOperators:
     """R and U = 1 - T of layers, by the solution chosen."""
     if effort.doublings is None:
         return layer_by_modes(a, b, thickness)
