@@ -16,7 +16,6 @@ names and the acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Min
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -30,8 +29,8 @@ from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import naming, open_source
 from .io.write import write_files
-from .paint.describe import MAX_THICKNESS, Coat, find_name, name_paints
-from .paint.media import Glaze, Layer, Mixture, Pigment, make_media
+from .paint.describe import MAX_THICKNESS, Coat, WeightedPaints, find_name, name_paints
+from .paint.media import Glaze, Layer, Mixture, Pigment, Shelf, make_media
 from .spectra import (
     Bands,
     common_range,
@@ -72,7 +71,7 @@ class Spectrum(NamedTuple):
 class Hiding(NamedTuple):
     """A ground of paint that hides: (weight, name) of its parts; the weights sum to 1."""
 
-    parts: tuple[tuple[float, str], ...]
+    parts: WeightedPaints
 
 
 Ground: TypeAlias = "float | Literal['white', 'black', 'card'] | Spectrum | Hiding"
@@ -97,7 +96,7 @@ class Stack:
     ground: Ground = "card"
     refractive_index: float = 1.5
     instrument: str = "45:0"
-    pigments: Mapping[str, Pigment] = field(default_factory=lambda: MappingProxyType({}))
+    pigments: Shelf = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         if not self.hidden:
@@ -181,12 +180,12 @@ def own_name(name: str) -> str:
     return f"{name} (own)" if name in all_paints() or "/" in name else name
 
 
-def paints(stack: Stack) -> Mapping[str, Pigment]:
+def paints(stack: Stack) -> Shelf:
     """Paints that a stack may name: its own, then those of the catalogues."""
     return {**all_paints(), **stack.pigments}
 
 
-def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Bands:
+def common_grid(stack: Stack, shelf: Shelf) -> Bands:
     """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils
     without a coat.
 
@@ -332,9 +331,7 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
     )
 
 
-def _named_parts(
-    medium: Pigment | Mixture, own_paints: dict[str, Pigment]
-) -> tuple[tuple[float, str], ...]:
+def _named_parts(medium: Pigment | Mixture, own_paints: dict[str, Pigment]) -> WeightedPaints:
     """(weight, name) of a medium's paints, each once; `own_paints` takes those that no catalogue
     has.
     """
@@ -427,7 +424,7 @@ def stack_from_dict(content: Any) -> Stack:
     )
 
 
-def _coat(number: int, content: Any, shelf: Mapping[str, Pigment]) -> Coat:
+def _coat(number: int, content: Any, shelf: Shelf) -> Coat:
     where = f"coat {number}"
     if not isinstance(content, dict) or not {"paint", "um"} <= set(content):
         raise ValueError(
@@ -447,7 +444,7 @@ def _coat(number: int, content: Any, shelf: Mapping[str, Pigment]) -> Coat:
     return Coat(_parts(where, content["paint"], shelf), um / 1e6, 1)
 
 
-def _parts(where: str, content: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
+def _parts(where: str, content: Any, shelf: Shelf) -> WeightedPaints:
     if not isinstance(content, dict) or not 1 <= len(content) <= MOST_PARTS:
         name = content if isinstance(content, str) else "CobaltBlue"
         raise ValueError(
@@ -471,7 +468,7 @@ def _parts(where: str, content: Any, shelf: Mapping[str, Pigment]) -> tuple[tupl
     return tuple((weight / total, name) for name, weight in weights.items())
 
 
-def _ground(content: Any, shelf: Mapping[str, Pigment]) -> Ground:
+def _ground(content: Any, shelf: Shelf) -> Ground:
     if content in ("white", "black", "card"):
         return content
     if isinstance(content, dict) and "paint" in content:

@@ -6,10 +6,13 @@ Nothing here knows optics: text becomes `Coat`s, and names become pigments of a 
 
 import re
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from ..io.source import is_there
 from ..names import nearest_names
+
+WeightedPaints: TypeAlias = tuple[tuple[float, str], ...]
+"""(weight, name) of each paint of a coat."""
 
 MAX_THICKNESS = 0.01
 """Of a coat, m."""
@@ -31,7 +34,7 @@ class Coat(NamedTuple):
         repeats: number of equal coats, at least 1.
     """
 
-    parts: tuple[tuple[float, str], ...]
+    parts: WeightedPaints
     thickness: float
     repeats: int
 
@@ -162,7 +165,7 @@ def _count(entry: str, repeats_text: str) -> int:
     return int(count)
 
 
-def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
+def _parts(entry: str, paint: str) -> WeightedPaints:
     """Weights and names of a paint or a mixture."""
     terms = [term.strip() for term in paint.split("+")]
     if len(terms) == 1 and "*" not in paint:

@@ -15,7 +15,7 @@ import operator
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -738,8 +738,12 @@ def _check_grids(media: Sequence[Pigment | Mixture]) -> None:
             )
 
 
+Shelf: TypeAlias = Mapping[str, Pigment]
+"""Paints by name."""
+
+
 def make_media(
-    coats: Sequence[Coat], shelf: Mapping[str, Pigment], grid: Bands | None = None
+    coats: Sequence[Coat], shelf: Shelf, grid: Bands | None = None
 ) -> list[Pigment | Mixture]:
     """Media of the coats, on the wavelengths of their pigments or, if given, of a grid (nm).
 
