@@ -15,6 +15,8 @@ from jaxtyping import Array, Float
 
 Either: TypeAlias = Array | np.ndarray | np.floating
 """An array of either kind, or the number that NumPy makes of one without axes."""
+PerFace: TypeAlias = float | Float[Either, "*#batch"]
+"""One number, or one for each face of a batch, (...); all that a function takes broadcast."""
 
 
 def array_module(*arrays: object) -> ModuleType:
@@ -22,10 +24,7 @@ def array_module(*arrays: object) -> ModuleType:
     return jnp if any(isinstance(a, jax.Array) for a in arrays) else np
 
 
-def cos_refracted(
-    cos_incidence: float | Float[Either, "*#batch"],
-    refractive_index: float | Float[Either, "*#batch"],
-) -> Float[Any, "*batch"]:
+def cos_refracted(cos_incidence: PerFace, refractive_index: PerFace) -> Float[Any, "*batch"]:
     """Cosine inside a medium of index n >= 1 of a beam that comes from air.
 
     Snell's law, ``sin(theta_air) = n sin(theta_medium)`` (paper A, section 2). Written without the
@@ -37,8 +36,7 @@ def cos_refracted(
 
 
 def dielectric_reflectance(
-    cos_incidence: float | Float[Either, "*#batch"],
-    refractive_index: float | Float[Either, "*#batch"],
+    cos_incidence: PerFace, refractive_index: PerFace
 ) -> Float[Any, "*batch"]:
     """Fresnel reflectance of the smooth face of a dielectric, for unpolarised light from air.
 
@@ -64,9 +62,7 @@ def dielectric_reflectance(
 
 
 def conductor_reflectance(
-    cos_incidence: float | Float[Either, "*#batch"],
-    refractive_index: float | Float[Either, "*#batch"],
-    extinction: float | Float[Either, "*#batch"],
+    cos_incidence: PerFace, refractive_index: PerFace, extinction: PerFace
 ) -> Float[Any, "*batch"]:
     """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from
     air.
@@ -105,8 +101,7 @@ def conductor_reflectance(
 
 
 def cook_torrance_reflectance(
-    cos_incidence: float | Float[Either, "*#batch"],
-    normal_reflectance: float | Float[Either, "*#batch"],
+    cos_incidence: PerFace, normal_reflectance: PerFace
 ) -> Float[Any, "*batch"]:
     """Cook and Torrance's estimate: the dielectric that reflects as much at normal incidence.
 
@@ -125,9 +120,7 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
-def hall_extinction(
-    mean_normal_reflectance: float | Float[Either, "*#batch"],
-) -> Float[Any, "*batch"]:
+def hall_extinction(mean_normal_reflectance: PerFace) -> Float[Any, "*batch"]:
     """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
 
     Args:
@@ -140,10 +133,10 @@ def hall_extinction(
 
 
 def hall_reflectance(
-    cos_incidence: float | Float[Either, "*#batch"],
-    normal_reflectance: float | Float[Either, "*#batch"],
-    mean_extinction: float | Float[Either, "*#batch"],
-    mean_index: float | Float[Either, "*#batch"] = 1.0,
+    cos_incidence: PerFace,
+    normal_reflectance: PerFace,
+    mean_extinction: PerFace,
+    mean_index: PerFace = 1.0,
 ) -> Float[Any, "*batch"]:
     """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all
     wavelengths.
