@@ -15,6 +15,8 @@ from ..spectra import Numbers, as_array, as_float_array, concrete
 
 Known: TypeAlias = Array | np.ndarray
 """Moments: of NumPy where their values are known, so that they stay so under jit."""
+Phases: TypeAlias = Sequence[Float[Known, "... _"] | None]
+"""Moments of several paints or layers; None scatters isotropically."""
 
 
 def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands terms"]:
@@ -38,7 +40,7 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
     return as_float_array(values)
 
 
-def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Known, "... terms"]]:
+def same_terms(phases: Phases) -> list[Float[Known, "... terms"]]:
     """Moments side by side: all with as many terms as the longest, isotropic where there
     is None.
     """
@@ -49,9 +51,7 @@ def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Kno
     ]
 
 
-def stack_moments(
-    phases: Sequence[Float[Known, "... _"] | None],
-) -> Float[Known, "*batch bands layers terms"] | None:
+def stack_moments(phases: Phases) -> Float[Known, "*batch bands layers terms"] | None:
     """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
     if all(p is None for p in phases):
         return None
@@ -68,8 +68,7 @@ def _module(*arrays: Array | np.ndarray) -> ModuleType:
 
 
 def mix_moments(
-    phases: Sequence[Float[Known, "... _"] | None],
-    scattering: Sequence[Float[Array, "*#batch bands"]],
+    phases: Phases, scattering: Sequence[Float[Array, "*#batch bands"]]
 ) -> Float[Array, "*batch bands terms"] | None:
     """Moments of a mixture: each paint's by its share of the light scattered; None if all are
     isotropic.
