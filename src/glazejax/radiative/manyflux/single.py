@@ -79,11 +79,12 @@ def _lengths(once: ScatteredOnce, viewing: Array, incidence: Array, downward: bo
     out = depth / viewing
     # Optical path through the layers above, on the way in.
     before = jnp.cumsum(into, axis=0) - into
+    through = jnp.cumsum(out, axis=0)
     if not downward:
         # Light that turns back crosses the same layers once more.
-        before += jnp.cumsum(out, axis=0) - out
+        before += through - out
         return jnp.exp(-before) * decay_integral(1.0 / viewing + 1.0 / incidence, depth)
     # Light that goes on crosses those below.
-    after = jnp.sum(out, axis=0) - jnp.cumsum(out, axis=0)
+    after = jnp.sum(out, axis=0) - through
     faded = [jnp.expm1(-x) for x in (into, out)]
     return jnp.exp(-before - after) * two_decays(1.0 / incidence, 1.0 / viewing, depth, *faded)
