@@ -47,8 +47,9 @@ def enable_program_cache(path: str | Path | None = None) -> None:
 
     from .programs import keep_traced
 
+    configure = jax.config.update
     # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
-    jax.config.update("jax_logging_level", "CRITICAL")
+    configure("jax_logging_level", "CRITICAL")
     try:
         named = path or os.environ.get("GLAZEJAX_CACHE")
         folder = Path(named or user_cache_path("glazejax", False) / "xla").expanduser()
@@ -64,9 +65,9 @@ def enable_program_cache(path: str | Path | None = None) -> None:
     except (OSError, RuntimeError) as error:
         _warn(str(getattr(error, "strerror", None) or error))
         return
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    configure("jax_compilation_cache_dir", str(folder))
+    configure("jax_persistent_cache_min_compile_time_secs", 0.0)
+    configure("jax_persistent_cache_min_entry_size_bytes", -1)
     keep_traced(folder)
     _listen(folder)
 
