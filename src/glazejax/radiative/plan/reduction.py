@@ -114,9 +114,13 @@ def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
     for index in np.unique(rows.refractive_index):
         for numbers in pieces_of(np.flatnonzero(rows.refractive_index == index), 16384):
             chosen = rows.take(numbers)
-            media = (chosen.albedo, chosen.optical_thickness, chosen.ground, float(index))
             first_order = closed_form.without_multiple_scattering(
-                *media, chosen.cos_incidence, chosen.cos_viewing
+                chosen.albedo,
+                chosen.optical_thickness,
+                chosen.ground,
+                float(index),
+                chosen.cos_incidence,
+                chosen.cos_viewing,
             )
             value[numbers], (by_light[numbers], by_view[numbers]) = first_order
     return closed_form.FirstOrder(value, (by_light, by_view))
