@@ -121,17 +121,17 @@ def _size(entry: str, size: str) -> tuple[float, int]:
         )
     number, unit, repeats_text = match.groups()
     # In '12 x3' the unit is missing, and the x belongs to the repeats.
-    if unit.lower().startswith("x") and unit.lower() not in UNITS:
+    if unit.lower().startswith("x"):
         unit, repeats_text = "", f"{unit}{repeats_text}"
     if not unit:
         raise ValueError(
             f"coat {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm"
         )
     # In '12umx3' the x of the repeats sticks to the unit.
-    if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
+    if unit.lower().endswith("x") and unit.lower()[:-1] in UNITS:
         unit = unit[:-1]
         repeats_text = f"x{repeats_text}"
-    scale = UNITS.get(unit, UNITS.get(unit.lower()))
+    scale = UNITS.get(unit.lower())
     if scale is None:
         raise ValueError(
             f"coat {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m"
