@@ -38,11 +38,11 @@ _TRIALS = (1.0, 0.6, 0.3, 0.1, 0.03)
 class End(NamedTuple):
     """One end of a light path: the beam that comes in, or, by reciprocity, the view."""
 
-    cosine: Float[np.ndarray, "*batch"]
+    cosine: PerStack
     """Cosine inside the medium; 1, the deepest reaching, for all directions together."""
-    flux: Float[np.ndarray, "*batch"]
+    flux: PerStack
     """Share of the flux that passes the interface."""
-    source: Float[np.ndarray, "*batch"]
+    source: PerStack
     """Mean radiance just below the interface for unit irradiance, g(0) = flux/(4 pi cosine)."""
 
 
