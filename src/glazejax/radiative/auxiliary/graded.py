@@ -284,10 +284,9 @@ def _rescale(weights: Array, exact: Array, depth: Array) -> Array:
 
 def _surface(refractive_index: Any, like: Array) -> _LayerSurface:
     """An index of exactly one reflects nothing, however its directions are reckoned."""
-    is_number = isinstance(refractive_index, int | float)
-    transparent = is_number and refractive_index == 1
+    transparent = isinstance(refractive_index, float) and refractive_index == 1
     # For an index of one any cone stands in; its share is zero.
-    n = 1.5 if transparent else float(refractive_index) if is_number else refractive_index
+    n = 1.5 if transparent else refractive_index
     mu, weights, r = (jnp.asarray(a, like.dtype) for a in cone_nodes(n, 1 if transparent else None))
     reflects = jnp.asarray(refractive_index, like.dtype) > 1.0
     share = jnp.broadcast_to(reflects, like.shape).astype(like.dtype)
