@@ -247,7 +247,7 @@ def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     values = np.asarray(pair, float)
     if values.shape != (2,):
         raise ValueError(f"the range of {name!r} must be (low, high), not of shape {values.shape}")
-    low, high = (float(value) for value in values)
+    low, high = values.tolist()
     if not -np.inf < low < high < np.inf:
         raise ValueError(f"the range {low:g} to {high:g} of {name!r} must be finite and not empty")
     return low, high
