@@ -311,7 +311,7 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         raise ValueError("a glaze without coats is its ground: there is nothing to save")
     if glaze.phase is not None:
         raise ValueError("a paint here has a phase function, which a stack's file does not hold")
-    if glaze.optical_thickness.ndim > 2 or glaze.albedo.ndim > 2 or glaze.ground.ndim > 1:
+    if glaze.optical_thickness.ndim > 2 or glaze.ground.ndim > 1:
         raise ValueError("a stack's file holds one glaze, without batch axes")
     if np.ndim(glaze.refractive_index):
         raise ValueError("a stack's file holds one refractive index for all wavelengths")
