@@ -177,7 +177,7 @@ def _straight(grid: _Grid, kernels: _Kernels) -> Array:
     singular = own_integrals(width, rules)[..., None, :]
     singular = (singular * np.eye(count, dtype=width.dtype)[:, None, :, None]).reshape(e1.shape)
     is_own = np.eye(count, dtype=bool)[grid.panel][..., None]
-    return _columns(jax.lax.select(jnp.broadcast_to(is_own, singular.shape), singular, e1))
+    return _columns(jnp.where(is_own, singular, e1))
 
 
 def _by_surface(grid: _Grid, kernels: _Kernels) -> Array:

@@ -150,7 +150,7 @@ def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) ->
     ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
     near = matmul(ends[0], rules.near)
     far = matmul(ends[1], rules.far)
-    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), near - far, narrow)
+    return jnp.where(wide[..., None], near - far, narrow)
 
 
 def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Array:

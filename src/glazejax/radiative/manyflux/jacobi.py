@@ -79,7 +79,7 @@ def symmetric_eigen(a: Matrices) -> tuple[Float[Array, "*batch n"], Matrices]:
     values = _on_diagonal(work)
     if spare:  # the row that was added is the eigenvector with its own last component
         padding = jnp.abs(vectors[..., -1, :]) > 0.5
-        values = jnp.select([padding], [jnp.full_like(values, jnp.inf)], values)
+        values = jnp.where(padding, jnp.inf, values)
     # Ascending; the added row is the last.
     rank = jnp.argsort(values, axis=-1)[..., :n]
     return (

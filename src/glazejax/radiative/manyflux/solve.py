@@ -84,8 +84,8 @@ def _reflected_back(cosines: Array, index) -> Array:
     """
     # Cosine outside by Snell's law; beyond the critical angle 1, so that its slope is finite.
     squared = 1.0 - index**2 * (1.0 - cosines**2)
-    outside = jnp.sqrt(jnp.select([squared > 0], [squared], 1.0))
-    return jnp.select([squared > 0], [dielectric_reflectance(outside, index)], 1.0)
+    outside = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
+    return jnp.where(squared > 0, dielectric_reflectance(outside, index), 1.0)
 
 
 def layer_operators(
