@@ -126,8 +126,7 @@ def effort_for_indices(
     resolution: Resolution, low: float, high: float, thickest: float | None, least_cosine: float
 ) -> FluxEffort:
     """Effort of isotropic scattering in directions for a range of indices."""
-    at = [np.float64(low), np.float64(high)]
-    least = min(float(np.min(half_range(index, resolution).cosines)) for index in at)
+    least = min(float(np.min(half_range(index, resolution).cosines)) for index in (low, high))
     return FluxEffort(
         resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low))))
     )
