@@ -163,12 +163,10 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
     # Where x and y are close: the mean slope of the first difference between them.
     points, weights = gauss(5)
     between = jnp.where(close, y, x)[..., None] + jnp.where(close, x - y, 0.0)[..., None] * points
-    at = (
-        jnp.broadcast_to(z[..., None], between.shape),
-        jnp.broadcast_to(depth[..., None], between.shape),
-    )
     _, slope = jax.jvp(
-        lambda s: first_difference(at[0], s, at[1]), (between,), (jnp.ones_like(between),)
+        lambda s: first_difference(z[..., None], s, depth[..., None]),
+        (between,),
+        (jnp.ones_like(between),),
     )
     return jnp.where(close, jnp.sum(slope * weights, axis=-1), quotient)
 
