@@ -298,23 +298,26 @@ def _solve_sliced(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -
             # Where values are traced there is nothing to compare: two doublings are done.
             if len(row) > 2:
                 return value
-        elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
+        elif _has_settled(change, value, tolerance, last=2 * slices > 2048):
             return value
-        elif 2 * slices > 2048:
-            raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
 
 
-def _attainable(tolerance: float, value: Array) -> float:
-    """Rounding of a difference bounds the estimate from below."""
-    return max(0.7 * tolerance, 50.0 * float(jnp.finfo(value.dtype).eps))
+def _has_settled(change: np.ndarray, value: Array, tolerance: float, *, last: bool) -> bool:
+    """Test whether the last change of an estimate lies within the tolerance.
 
-
-def _error_message(error: float, tolerance: float) -> str:
-    return (
-        f"tolerance is {tolerance} but the profile varies too fast: an error of some {error:.1e} "
-        "is left; give steps as layers of stack_reflectance_factor, kinks as samples, or ask for "
-        "a larger tolerance"
-    )
+    Raises:
+        ValueError: it doesn't, and the estimate can't be refined any more.
+    """
+    error = np.max(np.abs(change), initial=0.0)
+    # Rounding of a difference bounds the estimate from below.
+    settled = bool(error < max(0.7 * tolerance, 50.0 * float(jnp.finfo(value.dtype).eps)))
+    if last and not settled:
+        raise ValueError(
+            f"tolerance is {tolerance} but the profile varies too fast: an error of some "
+            f"{error:.1e} is left; give steps as layers of stack_reflectance_factor, kinks as "
+            "samples, or ask for a larger tolerance"
+        )
+    return settled
 
 
 def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -> Array:
@@ -349,10 +352,8 @@ def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) 
         halvings += 1
         value = reflectance(halvings)
         change = None if before is None else concrete(value - before)
-        if change is None or np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
+        if change is None or _has_settled(change, value, tolerance, last=halvings == 4):
             return value
-        if halvings == 4:
-            raise ValueError(_error_message(np.max(np.abs(change)), tolerance))
         before = value
 
 
