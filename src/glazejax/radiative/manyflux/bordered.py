@@ -136,12 +136,12 @@ class Bordered(NamedTuple):
         corner = matmul(rows, self.columns) - self.corner
         viewing = 1.0 / self.viewing
         incidence = 1.0 / self.incidence
-        upper = jnp.concatenate([core, -columns * incidence[..., None, :]], axis=-1)
-        lower = (
-            jnp.concatenate([-rows, corner * incidence[..., None, :]], axis=-1)
-            * viewing[..., :, None]
+        of_rows = viewing[..., :, None]
+        of_columns = incidence[..., None, :]
+        body = jnp.block(
+            [[core, -columns * of_columns], [-rows * of_rows, corner * of_columns * of_rows]]
         )
-        return Bordered(jnp.concatenate([upper, lower], axis=-2), viewing, incidence)
+        return Bordered(body, viewing, incidence)
 
     def multiply(self, factor: "Diagonal") -> "Bordered":
         """Operator times a diagonal one: each column by its factor."""

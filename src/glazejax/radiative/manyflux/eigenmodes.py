@@ -104,15 +104,10 @@ def _tangent(product: Bordered, modes: Eigenvectors, depth: Array) -> Bordered:
         )
         corner += einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns)
     # Back from modes to nodes.
-    upper = jnp.concatenate(
-        [
-            matmul(shapes * core_modes[..., None, :], projection),
-            matmul(shapes, lit_modes * columns),
-        ],
-        axis=-1,
-    )
-    lower = jnp.concatenate([matmul(seen_modes * rows, projection), corner], axis=-1)
-    return Bordered(jnp.concatenate([upper, lower], axis=-2), *passed)
+    core = matmul(shapes * core_modes[..., None, :], projection)
+    from_incidence = matmul(shapes, lit_modes * columns)
+    to_viewing = matmul(seen_modes * rows, projection)
+    return Bordered(jnp.block([[core, from_incidence], [to_viewing, corner]]), *passed)
 
 
 def first_difference(z: Array, x: Array, depth: Array) -> Array:
