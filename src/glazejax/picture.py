@@ -202,12 +202,22 @@ class _PictureInputs:
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
         self.thickness, self.ground = thickness, ground
         index = np.asarray(unit.refractive_index, float)
-        directions, self.surface = _directions(geometry, index)
+        incidence = np.asarray(geometry.cos_incidence, float)
+        hemispherical = isinstance(geometry, Hemispherical)
+        viewing = incidence if hemispherical else np.asarray(geometry.cos_viewing, float)
+        sees_surface = geometry.sees_surface
+        if incidence.ndim or viewing.ndim or np.ndim(sees_surface):
+            raise ValueError(
+                "a picture has one angle of incidence and one of viewing, not an array of them"
+            )
+        # The surface's own reflectance, added.
+        self.surface = dielectric_reflectance(float(incidence), index) if sees_surface else 0.0
         grid = unit.wavelengths
         self.weights = colour.colour_weights(grid, illuminant, observer)
         self.white = colour.white_point(grid, illuminant, observer)
         self.plan_options: dict[str, Any] = {
-            **directions,
+            "cos_incidence": float(incidence),
+            "cos_viewing": None if hemispherical else float(viewing),
             "refractive_index": index,
             "tolerance": tolerance,
             "savings": savings,
@@ -240,28 +250,3 @@ class _PictureInputs:
     def difference(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """CIEDE2000 difference of XYZ, (points,)."""
         return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (first, second)))
-
-
-def _directions(
-    geometry: Geometry, index: np.ndarray
-) -> tuple[dict[str, float | None], np.ndarray]:
-    """Cosines of incidence and viewing in air (None: hemispherical) for `plan_stacks`, and the
-    surface's own reflectance, added.
-    """
-    incidence = np.asarray(geometry.cos_incidence, float)
-    hemispherical = isinstance(geometry, Hemispherical)
-    viewing = incidence if hemispherical else np.asarray(geometry.cos_viewing, float)
-    if incidence.ndim or viewing.ndim or np.ndim(geometry.sees_surface):
-        raise ValueError(
-            "a picture has one angle of incidence and one of viewing, not an array of them"
-        )
-    surface = (
-        np.asarray(dielectric_reflectance(float(incidence), index))
-        if geometry.sees_surface
-        else np.zeros(())
-    )
-    directions = {
-        "cos_incidence": float(incidence),
-        "cos_viewing": None if hemispherical else float(viewing),
-    }
-    return directions, surface
