@@ -172,15 +172,13 @@ class KernelTable:
                 f"{path} holds {str(content['format'])!r}; this version reads {_FORMAT!r}"
             )
         segments = content["e2"].size
-        sizes = (
-            {"e2": segments, "e3": segments + 1, "j1": 2 * segments, "j2": 2 * segments + 1}
-            if segments
-            else {}
-        )
-        for name in _ARRAYS:
+        sizes = (segments, segments + 1, 2 * segments, 2 * segments + 1) if segments else (0,) * 4
+        table = cls(float(content["refractive_index"]), float(content["step"]))
+        table.segments = segments
+        for name, size in zip(_ARRAYS, sizes, strict=True):
             array = content[name]
             if (
-                array.shape != (sizes.get(name, 0),)
+                array.shape != (size,)
                 or array.dtype != np.float64
                 or not np.all(np.isfinite(array))
             ):
@@ -188,10 +186,7 @@ class KernelTable:
                     f"{path} is damaged: {name} has shape {array.shape}, type {array.dtype}, or "
                     "no number"
                 )
-        table = cls(float(content["refractive_index"]), float(content["step"]))
-        table.segments = segments
-        for name in _ARRAYS:
-            setattr(table, name, content[name])
+            setattr(table, name, array)
         return table
 
     def __repr__(self) -> str:
