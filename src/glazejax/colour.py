@@ -488,4 +488,4 @@ def delta_e_of_spectra(
         np.asarray(lab(wavelengths, s, illuminant=illuminant, observer=observer))
         for s in (one, other)
     )
-    return delta_e_2000(*np.broadcast_arrays(*labs))
+    return delta_e_2000(*labs)
