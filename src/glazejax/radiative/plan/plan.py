@@ -231,11 +231,8 @@ def plan_stacks(
     checked = batch_of_stacks(known, xp=np, dtype=float)
     shape = checked.batch
     size = int(np.prod(shape))
-    ask = (
-        np.ones(size, bool)
-        if wanted is None
-        else np.broadcast_to(_check_known("wanted", wanted, bool), shape).reshape(-1)
-    )
+    ask = True if wanted is None else _check_known("wanted", wanted, bool)
+    ask = np.broadcast_to(ask, shape).reshape(-1)
     # Entries that nobody asked for, and those of bands that cannot move the sums.
     compute = ask if savings.unwanted else np.ones(size, bool)
     due = int(compute.sum())
