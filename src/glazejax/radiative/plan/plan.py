@@ -116,10 +116,10 @@ class Plan:
         distinct = np.empty(self._rows.count)
         pending = []
         for layers, members in self._groups:
-            for start, stop, size in _blocks(members.size):
+            for block, size in _blocks(members):
                 # The last block is filled up with copies of its stacks.
-                padded = np.resize(members[start:stop], size)
-                pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
+                padded = np.resize(block, size)
+                pending.append((block, self._solve(self._rows.take(padded), layers)))
         # The solver's programs may still run: the closed form needs none.
         closed = reduction.by_closed_form(self._rows.take(self._closed))
         distinct[self._closed] = closed.reflectance
@@ -418,14 +418,12 @@ def _group(
     return groups
 
 
-def _blocks(count: int) -> list[tuple[int, int, int]]:
-    """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is
-    mostly filled.
-    """
+def _blocks(members: np.ndarray) -> list[tuple[np.ndarray, int]]:
+    """Stacks in pieces, each with its padded size: a size is padded where it is mostly filled."""
     pieces = []
     start = 0
     for size, filled in zip(_BLOCKS, _FILLED, strict=True):
-        while start < count and count - start >= filled * size:
-            pieces.append((start, min(start + size, count), size))
+        while start < members.size and members.size - start >= filled * size:
+            pieces.append((members[start : start + size], size))
             start += size
     return pieces
