@@ -228,9 +228,8 @@ def scattered_beyond_first(
     g_one = incidence.source
     g_two = viewing.source
     # Scattering in the layers adds to J0 at most q/(1 - q) of its largest value.
-    with np.errstate(divide="ignore"):
-        again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        again = brightest / (1.0 - brightest) * (g_one + b_one)
         repeated = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
     # The beam of one end with the light that the ground sends to the other.
     crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(
