@@ -64,9 +64,8 @@ def associated_legendre(
     sines = sine(mu)
     m = np.arange(modes)
     # Lambda_m^m = sqrt((2m - 1)/(2m)) sin Lambda_(m-1)^(m-1).
-    steps = np.sqrt((2 * m[1:] - 1) / (2 * m[1:]))
     start = [jnp.ones_like(sines)]
-    for factor in steps:
+    for factor in np.sqrt((2 * m[1:] - 1) / (2 * m[1:])):
         start.append(start[-1] * sines * factor)
     sectoral = jnp.concatenate(start, axis=-2)  # Lambda_m^m, (..., modes, n)
     # Lambda_l = a_l mu Lambda_(l-1) - b_l Lambda_(l-2) for each order, from l = m + 1 on.
@@ -144,11 +143,11 @@ def scattering(
     columns_root = _append_directions(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
     # Over the sum of weights, which is one only to the accuracy of the rule where several media
     # share it.
-    share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
+    scale = jnp.sum(roots * roots, axis=-1, keepdims=True)
+    share = roots / scale
     # What each row and column lacks by the error of the nodes.
     rows_missing = rows_root - einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
     columns_missing = columns_root - einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
-    scale = jnp.sum(roots * roots, axis=-1)[..., None]
     missing_flux = einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
     # The symmetric matrix of rank two that adds this; the flux that both terms bring is taken off
     # once.
