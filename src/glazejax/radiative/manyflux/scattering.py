@@ -60,7 +60,7 @@ def associated_legendre(
     Source: Dave and Armstrong, J. Quant. Spectrosc. Radiat. Transfer 10 (1970) 557: upward in l it
     is stable.
     """
-    mu = jnp.asarray(cosines)[..., None, :]
+    mu = cosines[..., None, :]
     sines = sine(mu)
     m = np.arange(modes)
     # Lambda_m^m = sqrt((2m - 1)/(2m)) sin Lambda_(m-1)^(m-1).
@@ -218,6 +218,6 @@ def scatter_between(
     albedo, thickness, moments = delta_m(
         layers.albedo, layers.optical_thickness, layers.moments, terms
     )
-    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in cosines]
-    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
+    nodes, viewing, incidence = (associated_legendre(c, modes, moments.shape[-1]) for c in cosines)
+    even, odd = scattering(moments, nodes, viewing, incidence, roots)
     return ScaledScattering(albedo, thickness, even, odd)
