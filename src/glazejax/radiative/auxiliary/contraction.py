@@ -31,19 +31,18 @@ def solve_contraction(
         x, (n, stacks, cases), which can be differentiated by all that `apply` holds and by b.
     """
 
-    def forward(_, b) -> Array:
-        return _conjugate_gradients(apply, weight, jnp.asarray(b))
+    def forward(_, b: Array) -> Array:
+        return _conjugate_gradients(apply, weight, b)
 
-    def transpose(_, b) -> Array:
+    def transpose(_, b: Array) -> Array:
         # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
-        b = jnp.asarray(b)
         positive = weight > 0
         y = _conjugate_gradients(
             apply, weight, jnp.where(positive, b / jnp.where(positive, weight, 1.0), 0.0)
         )
         return jnp.where(positive, weight * y, b)
 
-    return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transpose))
+    return jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transpose)
 
 
 def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Array) -> Array:
