@@ -101,16 +101,11 @@ def ground_operator(
     if table is None:
         return lambert(reflectance, roots, modes)
     # The table between its knots, linear in the cosines of viewing and of incidence.
-    interpolations = [
-        jnp.asarray(_between(table.cosines, jnp.concatenate([cosines.nodes, c])))
-        for c in cosines[1:]
-    ]
-    means = einsum(
-        "vs,mst,it->mvi",
-        interpolations[0],
-        table.modes.astype(roots.nodes.dtype),
-        interpolations[1],
-    )[:modes]
+    to_viewing, to_incidence = (
+        _between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]
+    )
+    knots = table.modes.astype(roots.nodes.dtype)
+    means = einsum("vs,mst,it->mvi", to_viewing, knots, to_incidence)[:modes]
     # Modes finer than the table resolves come back black.
     spare = modes - means.shape[0]
     return reflector(reflectance, roots, jnp.pad(means, [(0, spare), (0, 0), (0, 0)]))
