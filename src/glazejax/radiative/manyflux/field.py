@@ -99,7 +99,7 @@ def manyflux_field(
     call = prepare(
         stack, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0))
     )
-    if call.batch != ():
+    if call.batch:
         raise ValueError(
             f"the field is that of one stack; here are {call.batch} of them: use jax.vmap"
         )
@@ -137,24 +137,20 @@ def manyflux_field(
         0.0,
         1.0,
     )
-    order = []
-    fields = []
-    for cut in np.unique(cuts).tolist():
-        rows = np.flatnonzero(cuts == cut)
-        fields.append(
-            _opened_field(
-                layers=layers,
-                shares=jnp.asarray(shares[rows], dtype),
-                axes=axes,
-                lit=lit,
-                media=media,
-                effort=effort,
-                cut=cut,
-            )
+    fields = [
+        _opened_field(
+            layers=layers,
+            shares=jnp.asarray(shares[cuts == cut], dtype),
+            axes=axes,
+            lit=lit,
+            media=media,
+            effort=effort,
+            cut=cut,
         )
-        order.append(rows)
+        for cut in np.unique(cuts).tolist()
+    ]
     # Back to the order in which the depths came.
-    back = np.argsort(np.concatenate(order))
+    back = np.argsort(np.argsort(cuts, kind="stable"))
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *fields)
 
 
