@@ -105,8 +105,8 @@ def _discrete(
         np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True)
     )
     # All directions followed through all media; added ones are known in the eye's and in air.
-    viewing = _ways(seen_in[0], indices, seen_in[1])
-    incidence = _ways(cos_incidence, indices, 1.0)
+    viewing = _ways(indices, *seen_in)
+    incidence = _ways(indices, cos_incidence, 1.0)
     followed = FollowedDirections(jnp.asarray(mu, dtype), exists), viewing, incidence
     inner = slice(1, 1 + layers.albedo.size)
     inner_cosines = Diagonal(*(direction.cosines[inner] for direction in followed))
@@ -266,7 +266,7 @@ def flux_of_even_light(joined: JoinedStack) -> Float[Array, ""]:
     return 2.0 * einsum("i,ij,j->", joined.leaving, joined.operator.core[0], joined.entering)
 
 
-def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:
+def _ways(indices: np.ndarray, cosines: Array, known_in: float) -> FollowedDirections:
     """Cosines in every medium of directions known in one."""
     n = indices[:, None]
     # (n cos)^2 in each medium by Snell's law; the product keeps its digits between like indices.
