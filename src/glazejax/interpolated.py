@@ -201,7 +201,16 @@ def interpolated(
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance is {tolerance}; it must be positive, such as 1e-4")
     ends = np.array([_ends(name, ranges[name]) for name in names])
-    drawn = None if samples is None else _drawn_from(names, ends, samples)
+    drawn = None
+    if samples is not None:
+        if set(samples) != set(names):
+            raise ValueError(
+                f"samples are of {', '.join(samples)}, but the parameters are {', '.join(names)}"
+            )
+        columns = [np.asarray(samples[name], float).reshape(-1) for name in names]
+        for name, column, (low, high) in zip(names, columns, ends, strict=True):
+            _check_range(name, column, Axis(low, high))
+        drawn = np.stack(columns, axis=1)
     counter = _Counted(function, names, block)
     builder = _Builder(counter, ends, drawn, distance)
     coefficients, error = builder.refine(tolerance, most_points)
@@ -251,20 +260,6 @@ def _ends(name: str, pair: Numbers) -> tuple[float, float]:
     if not -np.inf < low < high < np.inf:
         raise ValueError(f"the range {low:g} to {high:g} of {name!r} must be finite and not empty")
     return low, high
-
-
-def _drawn_from(
-    names: tuple[str, ...], ends: np.ndarray, samples: Mapping[str, Numbers]
-) -> np.ndarray:
-    """Samples as (samples, axes)."""
-    if set(samples) != set(names):
-        raise ValueError(
-            f"samples are of {', '.join(samples)}, but the parameters are {', '.join(names)}"
-        )
-    columns = [np.asarray(samples[name], float).reshape(-1) for name in names]
-    for name, column, (low, high) in zip(names, columns, ends, strict=True):
-        _check_range(name, column, Axis(low, high))
-    return np.stack(columns, axis=1)
 
 
 def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
