@@ -224,13 +224,21 @@ def joined_stack(
         slab = join(slab, _pick(surfaces, -1))
         operator = slab.down if downward else slab.above
 
+    # Into a layer through the surfaces above it; out through the same ones, or those below it.
+    viewing, incidence = through
+    into = jnp.cumprod(incidence, axis=0)[:count]
+    out = (
+        jnp.cumprod(viewing[::-1], axis=0)[::-1][1:]
+        if downward
+        else jnp.cumprod(viewing, axis=0)[:count]
+    )
     # What the kept moments leave out of light scattered once is added by `factor`.
     once = ScatteredOnce(
         layers=layers,
         scaled=discrete.scaled,
         cos_seen=discrete.cosines.viewing,
         cos_lit=discrete.cosines.incidence,
-        passing=_passing(through, np.array(media.layers), count, downward),
+        passing=out[:, :, None] * into[:, None, :] / np.array(media.layers)[:, None, None] ** 2,
     )
     return JoinedStack(
         operator=operator,
@@ -309,18 +317,3 @@ def _surfaces(discrete: _Discrete) -> tuple[Slab, list[Array]]:
 
     passing = operator(through)
     return Slab(operator(above), operator(below), passing, passing), through[1:]
-
-
-def _passing(
-    through: list[Array], indices: np.ndarray, count: int, downward: bool
-) -> Float[Array, "layers v i"]:
-    """Share that the surfaces let through to each layer and out again, over n^2."""
-    viewing, incidence = through
-    # Into a layer through the surfaces above it; out through the same ones, or those below it.
-    into = jnp.cumprod(incidence, axis=0)[:count]
-    out = (
-        jnp.cumprod(viewing[::-1], axis=0)[::-1][1:]
-        if downward
-        else jnp.cumprod(viewing, axis=0)[:count]
-    )
-    return out[:, :, None] * into[:, None, :] / indices[:, None, None] ** 2
