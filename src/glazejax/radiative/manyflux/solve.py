@@ -115,18 +115,13 @@ def reflectance_factor(
     outside = _outside(stack, layers.ground, effort)
     waves = azimuth_waves(azimuth, effort.modes)
     all_light = einsum("mvi,mk->vik", outside.corner, waves)
-    viewing = stack.roots.viewing[:, None]
-    incidence = stack.roots.incidence
     # A perfect white has 2 sqrt(mu) sqrt(mu_0) in its corner (`lambert`); radiance falls by n^2 on
     # its way out.
-    factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
+    unit = 2.0 * index**2 * stack.roots.viewing[:, None] * stack.roots.incidence
+    factor = all_light / unit[..., None]
     # One moment in one mode: nothing of light scattered once was cut off.
     if effort.modes == 1 and layers.moments.shape[-1] == 1:
         return factor
-    return factor + _missing(stack, layers, index, azimuth, waves)
-
-
-def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
     viewing = stack.cosines.viewing
     incidence = stack.cosines.incidence
     shape = (layers.albedo.size, viewing.size, incidence.size)
@@ -139,7 +134,7 @@ def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves:
         cos_lit=jnp.broadcast_to(incidence, (shape[0], shape[2])),
         passing=jnp.broadcast_to(through, shape),
     )
-    return missing_once(once, azimuth, waves)
+    return factor + missing_once(once, azimuth, waves)
 
 
 def hemispherical_reflectance(
