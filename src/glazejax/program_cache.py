@@ -26,6 +26,7 @@ _COMPLAINT = re.compile(
     r"Error (reading|writing) persistent compilation cache entry for '([^']*)': (.*)", re.DOTALL
 )
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_WRITABLE = "may be written by others"
 _told = False
 
 
@@ -54,8 +55,9 @@ def enable_program_cache(path: str | Path | None = None) -> None:
         named = path or os.environ.get("GLAZEJAX_CACHE")
         folder = Path(named or user_cache_path("glazejax", False) / "xla").expanduser()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not named:
-            _close(folder)
+        # An old umask may have let others write in a folder of one's own.
+        if not named and _others(folder) == _WRITABLE:
+            folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~_OTHERS)
         if (whose := _others(folder)) is not None:
             _warn(f"{folder} {whose}, and programs are run as they are found")
             return
@@ -98,13 +100,6 @@ def _alone() -> bool:
     return asked == "cpu" or (not asked and find_spec("jax_plugins") is None)
 
 
-def _close(folder: Path) -> None:
-    """Take from others what an old umask has let them write in a folder of one's own."""
-    status = folder.stat()
-    if hasattr(os, "geteuid") and status.st_uid == os.geteuid() and status.st_mode & _OTHERS:
-        folder.chmod(stat.S_IMODE(status.st_mode) & ~_OTHERS)
-
-
 def _others(folder: Path) -> str | None:
     """Way for somebody else to write to a folder; None where nobody may, or nobody says who."""
     if not hasattr(os, "geteuid"):
@@ -112,7 +107,7 @@ def _others(folder: Path) -> str | None:
     status = folder.stat()
     if status.st_uid != os.geteuid():
         return "belongs to another user"
-    return "may be written by others" if status.st_mode & _OTHERS else None
+    return _WRITABLE if status.st_mode & _OTHERS else None
 
 
 def _listen(folder: Path) -> None:
