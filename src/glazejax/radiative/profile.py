@@ -25,6 +25,7 @@ from .auxiliary import graded as auxiliary_graded
 from .auxiliary.panels import PanelMesh, Panels, graded_shares, rules
 from .common.chunks import in_chunks
 from .common.inputs import (
+    BatchShape,
     Numbers,
     batch_shape,
     check_choice,
@@ -142,7 +143,7 @@ class _ProfileFilm(NamedTuple):
     scattering: DepthFunction
     intervals: int | None  # equal parts of the depth in which samples are linear
     thickness: Array
-    batch: tuple[int, ...]  # of everything
+    batch: BatchShape  # of everything
 
 
 def _evaluate(

@@ -22,6 +22,7 @@ from .common.chunks import in_chunks, on_all_cores, on_cpu, on_its_devices
 from .common.inputs import (
     INDEX_RANGE,
     OF_LAYERS,
+    BatchShape,
     Numbers,
     batch_of_stacks,
     check_choice,
@@ -272,7 +273,7 @@ def _reflect(stack: StackArrays, settings: _StackSettings) -> Array:
     return (_run if stack.ground.shape[0] < _MANY else _reflectance)(stack, settings)
 
 
-def _shaped(values: Array, batch: tuple[int, ...]) -> Array:
+def _shaped(values: Array, batch: BatchShape) -> Array:
     """Results in the shape of the batch; where they are known and small, without a program."""
     if values.shape == batch:
         return values
@@ -292,7 +293,7 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
 
 def _prepare(
     inputs: _Inputs, tolerance: float, method: str
-) -> tuple[StackArrays, _StackSettings, tuple[int, ...]]:
+) -> tuple[StackArrays, _StackSettings, BatchShape]:
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's
     shape.
     """
@@ -327,7 +328,7 @@ def _plan(shapes: Any, numbers: Any, tolerance: float, *_: Any) -> Any:
 
 def _prepare_any(
     inputs: _Inputs, tolerance: float, method: str
-) -> tuple[StackArrays, _StackSettings, tuple[int, ...]]:
+) -> tuple[StackArrays, _StackSettings, BatchShape]:
     """What `_prepare` returns, with nothing planned before."""
     check_choice("method", method, Method)
     check_tolerance(tolerance)

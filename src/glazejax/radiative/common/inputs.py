@@ -16,6 +16,8 @@ from jaxtyping import ArrayLike
 # What callers may pass. What takes it checks shapes and values itself, and says in words what is
 # wrong.
 Numbers: TypeAlias = ArrayLike | Sequence[Any]
+BatchShape: TypeAlias = tuple[int, ...]
+"""Shape of a batch, or the part of an array's shape that belongs to it."""
 
 INDEX_RANGE = (1.0, 2.5)
 """Refractive indices the directions were calibrated for."""
@@ -175,7 +177,7 @@ def at_least_one_layer(albedo: Any, thickness: Any, *, xp: Any = jnp) -> tuple[A
     return albedo, thickness, max(albedo.shape[-1], thickness.shape[-1])
 
 
-def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> tuple[int, ...]:
+def batch_shape(shapes: Mapping[str, BatchShape], last: str = "layers") -> BatchShape:
     """Shape that all batch shapes broadcast to; ``last`` says what was on the axis that they leave
     out.
 
@@ -200,7 +202,7 @@ class BatchOfStacks(NamedTuple):
 
     arrays: dict[str, Any]
     """By name: albedo and optical_thickness (..., layers), the others (...); they broadcast."""
-    batch: tuple[int, ...]
+    batch: BatchShape
     layers: int
 
     def flat(self) -> dict[str, Any]:
@@ -219,7 +221,7 @@ def batch_of_stacks(
     *,
     xp: Any = None,
     dtype: Any = None,
-    shapes: Mapping[str, tuple[int, ...]] | None = None,
+    shapes: Mapping[str, BatchShape] | None = None,
 ) -> BatchOfStacks:
     """Checked arguments as arrays.
 
@@ -276,7 +278,7 @@ def _in_range(name: str, array: Any) -> Any:
     return jnp.where(test(array), array, jnp.nan)
 
 
-def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
+def flat_batch(array: Any, batch: BatchShape, *last: int) -> Any:
     """An array (..., *last) that broadcasts against the batch, with the batch as one axis.
 
     What is known and small becomes a NumPy array: each other shape would be another two programs to

@@ -13,6 +13,7 @@ from jaxtyping import Array
 
 from ..common.chunks import in_chunks
 from ..common.inputs import (
+    BatchShape,
     Numbers,
     batch_of_stacks,
     check_tolerance,
@@ -79,7 +80,7 @@ class CheckedBatch(NamedTuple):
     layers: Layers  # leading axis: batch; the phase function's may be 1
     angles: dict[str, Array]  # (batch,)
     settings: ProgramSettings
-    batch: tuple[int, ...]
+    batch: BatchShape
 
 
 def prepare(
