@@ -38,6 +38,8 @@ _CHUNK_BYTES = 2**22
 
 Indices: TypeAlias = Numbers
 """One for all layers, or one for each."""
+NamedAngles: TypeAlias = dict[str, Array]
+"""Cosines in air and the azimuth in radians, by name; of each stack of a batch, or of one."""
 
 
 class StackInputs(NamedTuple):
@@ -78,7 +80,7 @@ class CheckedBatch(NamedTuple):
     """Checked arguments as a flat batch."""
 
     layers: Layers  # leading axis: batch; the phase function's may be 1
-    angles: dict[str, Array]  # (batch,)
+    angles: NamedAngles
     settings: ProgramSettings
     batch: BatchShape
 
@@ -206,11 +208,11 @@ def solve_stacks(
 
 @functools.partial(jax.jit, static_argnums=3)
 def _results(
-    layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings
+    layers: Layers, angles: NamedAngles, table: GroundTable | None, settings: ProgramSettings
 ) -> Array:
     media, effort, downward = settings
 
-    def one(layers: Layers, angles: dict[str, Array]) -> Array:
+    def one(layers: Layers, angles: NamedAngles) -> Array:
         # Without angles no direction is added to the nodes: the light falls in evenly.
         lit = angles["cos_incidence"][None] if angles else layers.albedo[:0]
         # With an azimuth a radiance is asked for, else a flux.
@@ -265,7 +267,7 @@ def _factor(
 def _map_stacks(
     function: Callable,
     layers: Layers,
-    angles: dict[str, Array],
+    angles: NamedAngles,
     settings: ProgramSettings,
     added: int,
 ) -> Array:
@@ -279,7 +281,7 @@ def _map_stacks(
     # A shared phase function's moments stay out of the batch.
     shared = len(moments) == 1
 
-    def one(stack: Layers, angles: dict[str, Array]) -> Array:
+    def one(stack: Layers, angles: NamedAngles) -> Array:
         return function(stack._replace(moments=moments[0]) if shared else stack, angles)
 
     batch = (layers._replace(moments=None) if shared else layers, angles)
