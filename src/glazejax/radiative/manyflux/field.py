@@ -167,7 +167,8 @@ def _field(
     modes = effort.modes
     stack = discrete_stack(layers, index, viewing, lit, effort, viewed_inside=True)
     a, b = stack.scaled.rates(stack.cosines)
-    top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
+    thickness = layers.optical_thickness
+    top = jnp.cumsum(thickness) - thickness
     # The surface as a slab, without what it reflects of the light that falls in.
     surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), stack.surface)
     passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
@@ -178,8 +179,8 @@ def _field(
 
     def at(depth: Array) -> Field:
         # How much of each layer lies above, as a share that delta-M leaves as it is.
-        above = jnp.clip(depth - top, 0.0, layers.optical_thickness)
-        share = above / jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0)
+        above = jnp.clip(depth - top, 0.0, thickness)
+        share = above / jnp.where(thickness > 0, thickness, 1.0)
         # What lies above the depth is one slab, what lies below it reflects; the light between them
         # goes to and fro.
         upper = layer_operators(a, b, (share * stack.scaled.thickness)[:, None], effort)
