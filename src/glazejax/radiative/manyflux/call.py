@@ -107,7 +107,6 @@ def prepare(
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
     known_moments = concrete(moments)
-    thickest = concrete(stack.optical_thickness)
     dtype = jnp.result_type(float)
     moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
     of_phase = moments.shape[:-2]
@@ -148,7 +147,7 @@ def prepare(
         media=media,
         moments=known_moments,
         terms=terms,
-        thickest=None if thickest is None else float(thickest.max(initial=0.0)),
+        optical_thickness=stack.optical_thickness,
         least_cosine=smallest_cosine(*cosines.values()) if least is None else least,
         streams=stack.streams,
         azimuthal=azimuth is not None,

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.inputs import Numbers, concrete
 from .bordered import Bordered
 
 LayerOperators: TypeAlias = tuple[Bordered, Bordered]
@@ -30,14 +31,15 @@ LayerOperators: TypeAlias = tuple[Bordered, Bordered]
 _SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075)
 
 
-def doublings(thickest: float | None, least_cosine: float) -> int:
+def doublings(optical_thickness: Numbers, least_cosine: float) -> int:
     """Number of times that a layer must be halved until the series holds in all directions.
 
     Args:
-        thickest: largest optical thickness; up to 1e6 where it is not known.
+        optical_thickness: of layers; up to 1e6 where it is traced.
         least_cosine: smallest cosine of any direction inside.
     """
-    largest = 1e6 if thickest is None else max(thickest, 1e-300)
+    thickness = concrete(optical_thickness)
+    largest = 1e6 if thickness is None else max(float(thickness.max(initial=0.0)), 1e-300)
     # The series holds for x = D 2^-count/(2 mu) up to an eighth (`_SERIES`).
     exact = max(0, int(np.ceil(np.log2(largest / (0.25 * least_cosine)))))
     # Few different numbers, so that another thickness rarely needs another program.

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
-from ..common.inputs import check_choice
+from ..common.inputs import Numbers, check_choice
 from .directions import MomentSizes, NodeSpread, fewest_directions, spread_directions
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
@@ -47,7 +47,7 @@ def choose_effort(
     media: float | Media,
     moments: Float[np.ndarray, "... terms"] | None,
     terms: int,
-    thickest: float | None,
+    optical_thickness: Numbers,
     least_cosine: float,
     streams: int | None,
     *,
@@ -61,7 +61,7 @@ def choose_effort(
         media: refractive index of the layers, or all indices.
         moments: of the phase functions, or None where they are traced: all ``terms`` are kept then.
         terms: how many there are.
-        thickest: largest optical thickness, or None where it is traced.
+        optical_thickness: of the layers, as given, perhaps traced.
         least_cosine: smallest cosine outside, of incidence or viewing.
         streams: number of directions in a hemisphere, if it is given.
         azimuthal: whether the result depends on the azimuth at all.
@@ -91,7 +91,7 @@ def choose_effort(
     modes = (
         np.flatnonzero(twice[:terms_kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
     )
-    count = doublings(thickest, least) if solution == "doubling" else None
+    count = doublings(optical_thickness, least) if solution == "doubling" else None
     return FluxEffort(directions, terms_kept, int(modes), count)
 
 
@@ -123,10 +123,9 @@ def _directions(
 
 
 def effort_for_indices(
-    resolution: Resolution, low: float, high: float, thickest: float | None, least_cosine: float
+    resolution: Resolution, low: float, high: float, optical_thickness: Numbers, least_cosine: float
 ) -> FluxEffort:
     """Effort of isotropic scattering in directions for a range of indices."""
     least = min(float(np.min(half_range(index, resolution).cosines)) for index in (low, high))
-    return FluxEffort(
-        resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low))))
-    )
+    least = min(least, float(cos_refracted(least_cosine, low)))
+    return FluxEffort(resolution, 1, 1, doublings(optical_thickness, least))

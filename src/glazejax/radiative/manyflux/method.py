@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..common.directions import resolve
-from ..common.inputs import concrete, smallest_cosine
+from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
@@ -51,19 +51,19 @@ class ManyFlux:
         """
         from .effort import choose_effort, effort_for_indices
 
-        thickness = concrete(request.optical_thickness)
-        thickest = None if thickness is None else float(thickness.max(initial=0.0))
         least = smallest_cosine(request.cos_incidence, request.cos_viewing)
         if request.fixed_index is None:
             directions = resolve(request.tolerance, *request.indices)
-            effort = effort_for_indices(directions, *request.indices, thickest, least)
+            effort = effort_for_indices(
+                directions, *request.indices, request.optical_thickness, least
+            )
         else:
             effort = choose_effort(
                 tolerance=request.tolerance,
                 media=request.fixed_index,
                 moments=None,
                 terms=1,
-                thickest=thickest,
+                optical_thickness=request.optical_thickness,
                 least_cosine=least,
                 streams=None,
                 azimuthal=False,
