@@ -301,12 +301,13 @@ def _flatten(arguments: dict[str, Any]):
     # Axes along which only the angles vary: the stacks' matrices serve all of them.
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
     of_stacks = [axis for axis in range(len(full)) if axis not in angular]
+    order = [*of_stacks, *angular]
     size = int(np.prod([full[axis] for axis in of_stacks]))
 
     def of_angles(array: Any) -> Any:
         array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
         shape = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
-        array = xp.broadcast_to(array, shape).transpose(*of_stacks, *angular)
+        array = xp.broadcast_to(array, shape).transpose(*order)
         return array.reshape(size, *array.shape[len(of_stacks) :])
 
     batch = Batch(
@@ -318,11 +319,9 @@ def _flatten(arguments: dict[str, Any]):
     )
 
     def restore(result: Split) -> Split:
-        def one(leaf: Any) -> Any:
-            shape = [full[axis] for axis in (*of_stacks, *angular)]
-            return leaf.reshape(shape).transpose(*np.argsort([*of_stacks, *angular]).tolist())
-
-        return jax.tree.map(one, result)
+        shape = [full[axis] for axis in order]
+        back = np.argsort(order).tolist()
+        return jax.tree.map(lambda leaf: leaf.reshape(shape).transpose(*back), result)
 
     return batch, restore
 
