@@ -61,7 +61,6 @@ class _Fixed(NamedTuple):
     admits: np.ndarray  # (n, n): load = enters @ admits
     impedance: np.ndarray  # (n, n), A
     direct: np.ndarray  # (n, n): 2 tau . (I + P)^-1 tau
-    scale: np.ndarray  # (n,), sqrt(mu)
 
 
 @functools.lru_cache(maxsize=64)
@@ -79,7 +78,7 @@ def _solver_of_surface(surface: Surface) -> _Fixed:
     # (I + P)^-1 (I - P) = 2 (I + P)^-1 - I.
     impedance = (2.0 * inverse - np.eye(mu.size)) / (root[:, None] * root)
     tau = np.diag(1.0 / (2.0 * np.sqrt(weights * mu)))
-    return _Fixed(2.0 * tau @ inverse / root, impedance, 2.0 * tau @ inverse @ tau, root)
+    return _Fixed(2.0 * tau @ inverse / root, impedance, 2.0 * tau @ inverse @ tau)
 
 
 def reflectance(lit: Lit, surface: Surface) -> Array:
