@@ -99,7 +99,7 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
         )
     # Facets that reflect or let through once, from inside and from air.
     single = _single_back(index, roughness, nodes)
-    turn = turning_point(index, roughness)
+    turn = turning_point(roughness)
     outside, fluxes = air_rule(turn, size.incidence)
     entering, losses = _single_entering(index, roughness, nodes, outside)
     # Single facets lose light between them; what is missing on each side ...
@@ -121,7 +121,7 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     )
 
 
-def turning_point(index: float, roughness: float) -> float:
+def turning_point(roughness: float) -> float:
     """Cosine in air about which facets begin to hide each other."""
     return min(max(roughness, 1e-3), 0.5)
 
@@ -165,7 +165,7 @@ def _single_entering(
 
 def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     """`back` of single facets, symmetric."""
-    beams, fluxes = _beams_inside(index, nodes)
+    beams, fluxes = _beams_inside(nodes)
     back = np.zeros((nodes.cosines.size,) * 2)
     for piece, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
         scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=True)
@@ -180,7 +180,7 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     return 0.5 * (back + back.T)
 
 
-def _beams_inside(index: float, nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
+def _beams_inside(nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
     """Cosines in the paint, and the fluxes 2 mu dmu about them: a rule on each side of
     the split.
     """
