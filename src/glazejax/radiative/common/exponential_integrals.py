@@ -21,6 +21,8 @@ from .quadrature import gauss
 
 Arguments: TypeAlias = Float[ArrayLike, "..."]
 """Numbers that a function is asked for, JAX's or not."""
+Coefficients: TypeAlias = tuple[float, ...]
+"""Of a series, from the lowest power or degree up."""
 
 _SPLIT = 1.0
 _SERIES_TERMS = 20
@@ -91,7 +93,7 @@ def least_argument(dtype: np.dtype) -> float:
 
 
 @functools.cache
-def _series(order: int) -> tuple[tuple[float, ...], float]:
+def _series(order: int) -> tuple[Coefficients, float]:
     """Coefficients of the power series without its logarithm, and the factor of x^(n-1) ln x."""
     terms = [
         -((-1.0) ** k) / ((k - order + 1) * math.factorial(k)) if k != order - 1 else 0.0
@@ -104,7 +106,7 @@ def _series(order: int) -> tuple[tuple[float, ...], float]:
 
 
 @functools.cache
-def _far_series(order: int) -> tuple[tuple[float, ...], float]:
+def _far_series(order: int) -> tuple[Coefficients, float]:
     """Chebyshev series of (x + n) e^x E_n(x), and the shift a of its variable 1/(x + a)."""
     shift = 2.0 + 0.6 * (order - 1)
     count = _CHEBYSHEV_TERMS
@@ -123,14 +125,14 @@ def _far_series(order: int) -> tuple[tuple[float, ...], float]:
     return tuple(float(c) for c in series), shift
 
 
-def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
+def _horner(coefficients: Coefficients, x: Array) -> Array:
     total = jnp.full_like(x, coefficients[-1])
     for c in coefficients[-2::-1]:
         total = total * x + c
     return total
 
 
-def _clenshaw(coefficients: tuple[float, ...], t: Array) -> Array:
+def _clenshaw(coefficients: Coefficients, t: Array) -> Array:
     last = jnp.full_like(t, coefficients[-1])
     before = jnp.zeros_like(t)
     for c in coefficients[-2:0:-1]:
