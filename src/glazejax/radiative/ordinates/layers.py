@@ -15,7 +15,7 @@ a layer that is looked at from below ("mirrored"), the bottom; the beam runs dow
 Stacks lie side by side on the last axis.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +25,9 @@ from jaxtyping import Array, Bool
 from ..common.kernels import fading, quotient, tanh_sech, two_decays
 from ..common.side_by_side import product
 from .modes import LayerModes
+
+Facing: TypeAlias = Bool[np.ndarray, "l"]
+"""Whether each layer is mirrored: its near face is its bottom."""
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with
 # them.
@@ -65,7 +68,7 @@ def two_ports(
     coupling: Array,
     thickness: Array,
     beams: Beams,
-    mirrored: Bool[np.ndarray, "l"],
+    mirrored: Facing,
 ) -> LayerPorts:
     """Two-ports of layers.
 
@@ -182,7 +185,7 @@ def by_albedo(
     turning: Array,
     thickness: Array,
     beams: Beams,
-    mirrored: Bool[np.ndarray, "l"],
+    mirrored: Facing,
     fields: Fields,
 ) -> Array:
     """Derivative of b_F.x_I + x_F.b_I - x_F.K x_I + G by each layer's albedo at given fields,
@@ -218,7 +221,7 @@ def by_thickness(
     modes: LayerModes,
     ports: LayerPorts,
     beams: Beams,
-    mirrored: Bool[np.ndarray, "l"],
+    mirrored: Facing,
     thickness: Array,
     fields: Fields,
 ) -> Array:
