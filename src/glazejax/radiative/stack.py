@@ -36,7 +36,7 @@ from .common.inputs import (
 from .common.rounding import FINEST_SINGLE, warn_of_rounding, warn_user
 from .common.solver import Request, Solver
 from .common.split import Split
-from .common.stack_arrays import StackArrays
+from .common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from .manyflux.method import ManyFlux
 from .ordinates.method import Ordinates
 
@@ -428,9 +428,7 @@ def _reflectance(stack: StackArrays, settings: _StackSettings) -> Array:
     return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
 
 
-def _some_stacks(
-    stack: StackArrays, settings: _StackSettings, leaf_names: tuple[str, ...] | None
-) -> Any:
+def _some_stacks(stack: StackArrays, settings: _StackSettings, leaf_names: LeafNames | None) -> Any:
     """Reflectance of stacks, with its gradient by what is wanted, chunk by chunk."""
 
     def one(chunk: StackArrays) -> Any:
@@ -468,8 +466,8 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(
-    stack: StackArrays, settings: _StackSettings, leaf_names: tuple[str, ...]
-) -> tuple[Array, dict[str, Array]]:
+    stack: StackArrays, settings: _StackSettings, leaf_names: LeafNames
+) -> ValueAndGradient:
     """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are
     those above it.
     """

@@ -34,7 +34,7 @@ from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import einsum, matmul, solve_positive, transpose
 from ..common.split import Split
-from ..common.stack_arrays import StackArrays
+from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from .panels import (
     PanelMesh,
     Panels,
@@ -416,8 +416,8 @@ def split(stack: StackArrays, mesh: PanelMesh) -> Split:
 
 
 def reflectance_and_gradient(
-    stack: StackArrays, mesh: PanelMesh, leaf_names: tuple[str, ...]
-) -> tuple[Array, dict[str, Array]]:
+    stack: StackArrays, mesh: PanelMesh, leaf_names: LeafNames
+) -> ValueAndGradient:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
     With psi the solution and lambda that of the transposed equation for the beam's weights v, the

@@ -7,7 +7,7 @@ from ..common.inputs import concrete
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import StackArrays
+from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from . import graded
 from .panels import PanelMesh
 
@@ -37,8 +37,8 @@ class Auxiliary:
         return graded.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: PanelMesh, leaf_names: tuple[str, ...]
-    ) -> tuple[Array, dict[str, Array]]:
+        self, stack: StackArrays, resolution: PanelMesh, leaf_names: LeafNames
+    ) -> ValueAndGradient:
         """Reflectance and its derivatives from the solution of the transposed equation."""
         return graded.reflectance_and_gradient(stack, resolution, leaf_names)
 

@@ -8,7 +8,7 @@ from .chunks import chunk_bytes
 from .inputs import Numbers
 from .rounding import Rounding
 from .split import Split
-from .stack_arrays import StackArrays
+from .stack_arrays import LeafNames, StackArrays, ValueAndGradient
 
 
 class Request(NamedTuple):
@@ -78,8 +78,8 @@ class Solver(Protocol):
         ...
 
     def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: Any, leaf_names: tuple[str, ...]
-    ) -> tuple[Array, dict[str, Array]]:
+        self, stack: StackArrays, resolution: Any, leaf_names: LeafNames
+    ) -> ValueAndGradient:
         """Reflectance and, by name, its derivative by the wanted leaves in their shapes."""
         ...
 

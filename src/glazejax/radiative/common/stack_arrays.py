@@ -1,8 +1,13 @@
 """Input of every solver: a batch of stacks as arrays."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from jaxtyping import Array
+
+LeafNames: TypeAlias = tuple[str, ...]
+"""Names of the arrays of stacks to differentiate by."""
+ValueAndGradient: TypeAlias = tuple[Array, dict[str, Array]]
+"""A number a stack, (batch,), and by name its derivative by the wanted arrays in their shapes."""
 
 
 class StackArrays(NamedTuple):

@@ -18,7 +18,7 @@ from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import StackArrays
+from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 
 if TYPE_CHECKING:
     from .effort import FluxEffort
@@ -97,8 +97,8 @@ class ManyFlux:
         return jax.vmap(one, in_axes=(0, 0, 0, index_axis, 0, 0))(*stack)
 
     def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: FluxEffort, leaf_names: tuple[str, ...]
-    ) -> tuple[Array, dict[str, Array]]:
+        self, stack: StackArrays, resolution: FluxEffort, leaf_names: LeafNames
+    ) -> ValueAndGradient:
         """Reflectance and its derivatives by reverse differentiation."""
 
         def value(leaves: dict[str, Array]) -> Array:

@@ -7,7 +7,7 @@ from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
 from ..common.solver import Request
 from ..common.split import Split
-from ..common.stack_arrays import StackArrays
+from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from . import sensitivity, solver
 from .resolution import resolve_known
 
@@ -50,8 +50,8 @@ class Ordinates:
         return solver.reflectance(stack, resolution)
 
     def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: Resolution, leaf_names: tuple[str, ...]
-    ) -> tuple[Array, dict[str, Array]]:
+        self, stack: StackArrays, resolution: Resolution, leaf_names: LeafNames
+    ) -> ValueAndGradient:
         """Reflectance and its derivatives from the fields of light and view."""
         return sensitivity.reflectance_and_gradient(stack, resolution, leaf_names)
 

@@ -15,15 +15,15 @@ from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
 from ..common.side_by_side import product, transpose
 from ..common.split import Split
-from ..common.stack_arrays import StackArrays
+from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
 from .solver import SolvedFields, System, assemble, order, solve, upright
 
 
 def reflectance_and_gradient(
-    stack: StackArrays, resolution: Resolution, leaf_names: tuple[str, ...]
-) -> tuple[Array, dict[str, Array]]:
+    stack: StackArrays, resolution: Resolution, leaf_names: LeafNames
+) -> ValueAndGradient:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
     Args:
@@ -61,7 +61,7 @@ def reflectance_and_gradient(
 
 
 def gradient_of_layers(
-    system: System, solution: SolvedFields, ground: Array, leaf_names: tuple[str, ...]
+    system: System, solution: SolvedFields, ground: Array, leaf_names: LeafNames
 ) -> dict[str, Array]:
     """Derivative of a solved system by those of albedo, optical_thickness and ground that are
     wanted.

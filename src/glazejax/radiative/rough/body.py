@@ -22,6 +22,7 @@ from jaxtyping import Array
 
 from ..common.chunks import in_chunks
 from ..common.quadrature import Directions
+from ..common.stack_arrays import LeafNames
 from ..ordinates.layers import Beams, two_ports
 from ..ordinates.modes import layer_modes
 from ..ordinates.sensitivity import gradient_of_layers
@@ -93,7 +94,7 @@ def _reflectance(lit: Lit, surface: Surface) -> Array:
     return _in_chunks(lit, surface, None)
 
 
-def _in_chunks(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -> Any:
+def _in_chunks(lit: Lit, surface: Surface, leaf_names: LeafNames | None) -> Any:
     layers = lit.albedo.shape[1]
     nodes = surface.size.upper + surface.size.lower
     return in_chunks(
@@ -103,7 +104,7 @@ def _in_chunks(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -
     )
 
 
-def _solve(lit: Lit, surface: Surface, leaf_names: tuple[str, ...] | None) -> Any:
+def _solve(lit: Lit, surface: Surface, leaf_names: LeafNames | None) -> Any:
     """Value, and on request the gradient by what is wanted."""
     fixed = _solver_of_surface(surface)
     direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
@@ -166,7 +167,7 @@ def _gradient(
     solution: SolvedFields,
     admits: Array,
     direct: Array,
-    leaf_names: tuple[str, ...],
+    leaf_names: LeafNames,
 ) -> dict[str, Array]:
     gradient = gradient_of_layers(
         system, solution, lit.ground, tuple(n for n in leaf_names if n == "ground")
