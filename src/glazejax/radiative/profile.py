@@ -50,6 +50,9 @@ Profile: TypeAlias = DepthFunction | Numbers
 ProfileMethod: TypeAlias = Literal["ordinates", "auxiliary"]
 """How a profile is solved: in slices, or as an integral equation."""
 
+Illumination: TypeAlias = dict[str, Any]
+"""Ground, refractive index and cosines by name; without a viewing direction all of them count."""
+
 # Bytes of the arrays of the films that go through at a time.
 _CHUNK_BYTES = 2**24
 
@@ -95,7 +98,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    light: dict[str, Any] = {
+    light: Illumination = {
         "substrate_reflectance": substrate_reflectance,
         "refractive_index": refractive_index,
         "cos_incidence": cos_incidence,
@@ -127,7 +130,7 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    light: dict[str, Any] = {
+    light: Illumination = {
         "substrate_reflectance": substrate_reflectance,
         "refractive_index": refractive_index,
         "cos_incidence": cos_incidence,
@@ -149,7 +152,7 @@ class _ProfileFilm(NamedTuple):
 def _evaluate(
     profiles: dict[str, Profile],
     thickness: Numbers,
-    light: dict[str, Any],
+    light: Illumination,
     tolerance: float,
     method: str,
 ) -> Array:
@@ -166,7 +169,7 @@ def _evaluate(
 
 
 def _film(
-    profiles: dict[str, Profile], film_thickness: Numbers, light: dict[str, Any]
+    profiles: dict[str, Profile], film_thickness: Numbers, light: Illumination
 ) -> _ProfileFilm:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(film_thickness, dtype)
@@ -257,7 +260,7 @@ def _albedo(absorption: Array, scattering: Array) -> Array:
     return jnp.where(extinction > 0, scattering / jnp.where(extinction > 0, extinction, 1.0), 0.0)
 
 
-def _solve_sliced(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -> Array:
+def _solve_sliced(film: _ProfileFilm, light: Illumination, tolerance: float) -> Array:
     x, w = gauss(4)
     viewed = "cos_viewing" in light
     solve = stack_reflectance_factor if viewed else stack_hemispherical_reflectance
@@ -321,7 +324,7 @@ def _has_settled(change: np.ndarray, value: Array, tolerance: float, *, last: bo
     return settled
 
 
-def _solve_on_mesh(film: _ProfileFilm, light: dict[str, Any], tolerance: float) -> Array:
+def _solve_on_mesh(film: _ProfileFilm, light: Illumination, tolerance: float) -> Array:
     dtype = film.thickness.dtype
     flat = {
         name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in light.items()
