@@ -96,7 +96,8 @@ class Bordered(NamedTuple):
         """The operator plus a multiple of the one that changes nothing."""
         # Only the nodes' diagonal stands in the body: one direction may be among viewing and
         # incidence both, so that theirs are kept apart.
-        identity = np.eye(*self.body.shape[-2:], dtype=self.body.dtype)
+        rows, columns = self.body.shape[-2:]
+        identity = np.eye(rows, columns, dtype=self.body.dtype)
         identity[self.nodes :] = 0.0
         return Bordered(
             self.body + factor * identity, self.viewing + factor, self.incidence + factor
