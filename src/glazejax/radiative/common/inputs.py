@@ -154,7 +154,7 @@ def check_tolerance(tolerance: float) -> None:
         raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
 
 
-def at_least_one_layer(albedo: Any, thickness: Any, *, xp: Any = jnp) -> tuple[Any, Any, int]:
+def at_least_one_layer(albedo: Any, thickness: Any, *, xp: Any) -> tuple[Any, Any, int]:
     """Albedo and optical thickness with a last axis of layers, and how many; a bare ground gets one
     empty layer.
 
