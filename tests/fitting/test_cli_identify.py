@@ -3,6 +3,7 @@ import hashlib
 import json
 import os
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def one_line(result):
     return " ".join(result.output.split())
 
 
-def flat(path, level=0.4, grid=GRID, name="grey"):
+def flat(path, level=0.4, grid: Any = GRID, name="grey"):
     """A table of one spectrum, the same at all bands."""
     write_table(path, ["Name", *(f"{nm:g}" for nm in grid)], [[name, *[level] * len(grid)]])
     return path

@@ -29,7 +29,7 @@ PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate", "Eosin", "Ve
 CURVE = np.linspace(0.3, 0.6, GRID.size)
 
 
-def film(chance, condition=0, fitted=CURVE, **fractions):
+def film(chance, condition=0, fitted=CURVE, /, **fractions):
     """A candidate by its probability, how it lies, what it reads, and the fraction of each paint."""
     return {paint: 25e-6 * part for paint, part in fractions.items()}, chance, condition, fitted
 

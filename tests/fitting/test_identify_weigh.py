@@ -1,5 +1,7 @@
 """Probabilities of candidates and of none: Bayes' rule, what is seen and what is not."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -20,7 +22,7 @@ def film(noise=0.0):
     return Measured(("film",), GRID, half, half, sd, doubt)
 
 
-def pool(misfit, log_weight=0.0, sets=None):
+def pool(misfit, log_weight: Any = 0.0, sets=None):
     """Candidates of one spectrum, off by so many Delta E00; of one paint each, if not told."""
     count = len(misfit)
     sets = sets or [[paint] for paint in range(count)]

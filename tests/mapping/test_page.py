@@ -172,7 +172,8 @@ def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family
 
 def test_sets_of_less_than_a_hundredth_are_summed():
     def sums(pixels):
-        return {members: SetSum(count, *np.zeros((3, 1))) for members, count in pixels.items()}
+        none = np.zeros(1)
+        return {members: SetSum(count, none, none, none) for members, count in pixels.items()}
 
     assert shown_sets(sums({(0,): 500, (1,): 10, (2,): 9, (): 481})) == [(0,), (1,)]
     assert shown_sets(sums({(n,): 1 for n in range(200)})) == [(0,)]

@@ -74,7 +74,9 @@ def test_gradient_against_differences_and_the_other_method():
     d = jnp.asarray(d[:, :2])
 
     def slopes(**options):
-        by_all = jax.grad(lambda *stack: factor(*stack, cv, **options).sum(), (0, 1, 2, 3))
+        by_all = jax.grad(
+            lambda q, d, g, ci: factor(q, d, g, ci, cv, **options).sum(), (0, 1, 2, 3)
+        )
         return by_all(q, d, g, ci)
 
     found = slopes(**AUXILIARY, tolerance=1e-4)

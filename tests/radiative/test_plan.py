@@ -71,7 +71,7 @@ def direct(
 def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
-    asked = scene | ({"cos_viewing": None} if hemispherical else {})
+    asked: dict[str, Any] = scene | ({"cos_viewing": None} if hemispherical else {})
     for savings in (
         NONE,
         ALL,

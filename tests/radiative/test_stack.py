@@ -212,8 +212,8 @@ def test_splitting_a_layer_or_inserting_an_empty_one_changes_nothing():
     given = {"cos_incidence": cos, "tolerance": 1e-4}
     for solve in (stack_reflectance_factor, stack_hemispherical_reflectance):
         whole = solve(q, d, ground, **given)
-        for layers in (split, empty):
-            found = solve(*np.transpose(layers, (0, 2, 1)), ground, **given)
+        for albedos, depths in (split, empty):
+            found = solve(np.transpose(albedos), np.transpose(depths), ground, **given)
             assert largest_difference(found, whole) < ROUNDING
 
 

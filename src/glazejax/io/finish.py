@@ -130,7 +130,7 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
             notes.append(f"{values[marks].min():g} was taken for missing data")
             values = np.where(marks, np.nan, values)
             missing = "drop"
-    rows = np.arange(len(names))
+    rows: Sequence[int] = range(len(names))
     if missing == "drop":
         rows, bands = _complete(values, names, notes)
         wavelengths = wavelengths[bands]
@@ -216,19 +216,17 @@ def lit_bands(
     return kept
 
 
-def _complete(
-    values: Rows, names: Sequence[str], notes: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
+def _complete(values: Rows, names: Sequence[str], notes: list[str]) -> tuple[list[int], np.ndarray]:
     """Numbers of the rows, and mask of the bands, that stay: without bands that have no data at all
     and spectra that still lack some, or, where most do, without the bands that they lack.
     """
     there = np.isfinite(values)
-    bands = there.any(axis=0)
+    bands: np.ndarray = np.any(there, axis=0)
     if not bands.any():
         raise ValueError("no spectrum has any data")
     rows: np.ndarray = np.all(there[:, bands], axis=1)
     some: np.ndarray = np.any(there, axis=1)
-    full = np.all(there[some], axis=0)
+    full: np.ndarray = np.all(there[some], axis=0)
     partial = some & ~rows
     # A library with deleted channels keeps its spectra: where most lack a few bands, these go.
     if partial.sum() > rows.sum() and (bands & ~full).sum() * some.sum() < (
@@ -241,9 +239,9 @@ def _complete(
     if not bands.all():
         notes.append(f"{(~bands).sum()} bands without data are left out")
     if not rows.all():
-        lost = [names[i] for i in np.flatnonzero(~rows)]
+        lost = [names[i] for i in np.flatnonzero(~rows).tolist()]
         notes.append(f"{len(lost)} spectra that lack data are left out: {list_names(lost)}")
-    return np.flatnonzero(rows), bands
+    return np.flatnonzero(rows).tolist(), bands
 
 
 def _to_fractions(
@@ -301,7 +299,7 @@ def _to_fractions(
             f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where "
             f"{raw.highest:g} is the most: is the file's unit or scale factor right?"
         )
-    bright = list_names([names[i] for i in np.flatnonzero(peaks > 1)])
+    bright = list_names([names[i] for i in np.flatnonzero(peaks > 1).tolist()])
     if bright:
         verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
         causes = "fluorescence, highlights or calibration"

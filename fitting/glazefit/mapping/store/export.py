@@ -101,7 +101,7 @@ def export_map(
             for paint in store.paints
             for label in ("probability of", "fraction of", "fraction standard deviation of")
         )
-        names = [*map(_label, _SINGLE), *of_paints]
+        names = [*(_label(variable) for variable in _SINGLE), *of_paints]
         with _whole(data) as partial:
             _write_bands(store, partial, len(names), progress)
         with _whole(header) as partial:

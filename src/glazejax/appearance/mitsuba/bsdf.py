@@ -210,7 +210,7 @@ class GlazeBSDF:
                 ground = [dr.clip(value, 0.0, 0.999) for value in self._ground.eval(si, lit)]
             weights = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         share = mi.Float(1.0 if surface else 0.0)
-        if surface and body:
+        if lobe is not None and surface and body:
             # They are sampled by the light they send back, which no derivative passes.
             within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
             below = table.mean_albedo(

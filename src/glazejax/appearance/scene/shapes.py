@@ -242,13 +242,13 @@ Shape = Sphere | Plane | Box | Mesh
 def plane_frame(plane: Plane) -> np.ndarray:
     """Unit vectors along the width, along the height, and the normal, in rows."""
     normal = vector("normal", plane.normal, direction=True)
+    guides = np.array([plane.up, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], float)
+    # What of each guide lies in the plane.
+    heights = guides - np.outer(guides @ normal, normal)
+    lengths = np.linalg.norm(heights, axis=1)
     # The first guide that does not run along the normal.
-    for guide in np.array([plane.up, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], float):
-        # What of the guide lies in the plane.
-        height = guide - (guide @ normal) * normal
-        if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
-            break
-    height /= np.linalg.norm(height)
+    first = (lengths > 1e-6 * np.linalg.norm(guides, axis=1)).argmax()
+    height = heights[first] / lengths[first]
     return np.stack([np.cross(height, normal), height, normal])
 
 

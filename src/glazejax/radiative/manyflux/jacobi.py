@@ -76,7 +76,7 @@ def symmetric_eigen(a: Matrices) -> tuple[Float[Array, "*batch n"], Matrices]:
     start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
     work, vectors, _, _ = jax.lax.while_loop(goes_on, sweep, start)
     # The matrix is diagonal now.
-    values = _on_diagonal(work)
+    values: Array = _on_diagonal(work)
     if spare:  # the row that was added is the eigenvector with its own last component
         padding = jnp.abs(vectors[..., -1, :]) > 0.5
         values = jnp.where(padding, jnp.inf, values)

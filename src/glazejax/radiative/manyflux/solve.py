@@ -78,14 +78,15 @@ def _outside(stack: DiscreteStack, ground: Array, effort: FluxEffort) -> Bordere
     return under_surface(stack_reflection(*layer, below), stack.surface)
 
 
-def _reflected_back(cosines: Array, index) -> Array:
+def _reflected_back(cosines: Array, index: Array | float) -> Array:
     """Fresnel's reflectance of the surface for light from inside, total beyond the
     critical angle.
     """
     # Cosine outside by Snell's law; beyond the critical angle 1, so that its slope is finite.
     squared = 1.0 - index**2 * (1.0 - cosines**2)
     outside = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
-    return jnp.where(squared > 0, dielectric_reflectance(outside, index), 1.0)
+    reflected: Array = dielectric_reflectance(outside, index)
+    return jnp.where(squared > 0, reflected, 1.0)
 
 
 def layer_operators(

@@ -136,7 +136,7 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
 
     # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at
     # closely.
-    fits = bound(rows, (np.zeros(rows.count),) * 2) <= tolerance
+    fits = bound(rows, (np.zeros(rows.count), np.zeros(rows.count))) <= tolerance
     # One quadrature an index: with more distinct ones it is not worth them.
     if np.unique(rows.refractive_index[fits]).size > 32:
         return np.zeros(rows.count, bool)

@@ -185,7 +185,7 @@ def _nearest_solid(
 
 def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to spheres, (rays, spheres); infinite where missed."""
-    between = geometry.centres - origin[:, None]
+    between = jnp.subtract(geometry.centres, origin[:, None])
     # Distance along the ray to the point next to the centre.
     along = dot(between, direction[:, None])
     # The distance of the ray from the centre, rather than a difference of large squares.

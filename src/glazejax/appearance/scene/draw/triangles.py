@@ -8,7 +8,7 @@ little further on.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, overload
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +28,10 @@ HostVectors: TypeAlias = Float[np.ndarray, "rays 3"]
 """A vector a ray, in NumPy."""
 
 
+@overload
+def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray: ...
+@overload
+def dot(first: Array, second: Array | np.ndarray) -> Array: ...
 def dot(first: Any, second: Any) -> Any:
     """Scalar products of vectors, (..., 3), in NumPy or JAX."""
     return (first * second).sum(axis=-1)
