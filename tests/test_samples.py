@@ -1,3 +1,5 @@
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -7,8 +9,6 @@ import pytest
 import glazefit
 from glazejax import catalogue, samples
 from glazejax.io import read_spectra
-
-from .fresh import run_python
 
 
 def test_films_are_read_four_rows_each():
@@ -53,9 +53,11 @@ def test_unknown_files_are_refused():
 
 
 def test_a_command_line_is_told_where_they_are():
-    code = "import runpy; runpy.run_module('glazejax.samples', run_name='__main__')"
-    assert Path(run_python(code, "recipes").stdout.strip()) == samples.path("recipes")
-    wrong = run_python(code, "x", status=1)
+    command = [sys.executable, "-m", "glazejax.samples"]
+    said = subprocess.run([*command, "recipes"], capture_output=True, text=True, check=True)
+    assert Path(said.stdout.strip()) == samples.path("recipes")
+    wrong = subprocess.run([*command, "x"], capture_output=True, text=True)
+    assert wrong.returncode == 1
     assert wrong.stderr.strip() == "there are no samples 'x'; choose from films, recipes"
 
 
