@@ -269,6 +269,7 @@ def test_recipes_for_one_target_are_drawn_on_one_scale():
             distance=0.1,
             delta_e={"D65": 0.1},
             lab={"D65": np.array([40.0, 0.0, 0.0])},
+            observer="cie_2_1931",
         )
 
     brown, white = lab_target((40, 0, 0), "brown"), lab_target((40, 0, 0), "white")
