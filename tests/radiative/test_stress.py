@@ -238,6 +238,8 @@ def test_memory_stays_bounded():
         ({"optical_thickness": None}, "optical_thickness is None"),
         ({"substrate_reflectance": None}, "substrate_reflectance is None"),
         ({"cos_viewing": None}, "cos_viewing is None"),
+        ({"cos_incidence": None}, "cos_incidence is None"),
+        ({"refractive_index": None}, "refractive_index is None"),
         ({"refractive_index": "1.5"}, "refractive_index is '1.5'"),
         ({"tolerance": "1e-3"}, "tolerance is '1e-3'"),
         ({"tolerance": [1e-3]}, r"tolerance is \[0.001\]; it must be one number"),

@@ -332,6 +332,7 @@ def _prepare_any(
     """What `_prepare` returns, with nothing planned before."""
     check_choice("method", method, Method)
     check_tolerance(tolerance)
+    check_given(inputs._replace(cos_viewing=1.0)._asdict())
     check_values({"refractive_index": inputs.refractive_index})
     fixed = plain_number(inputs.refractive_index)
     checked = batch_of_stacks(

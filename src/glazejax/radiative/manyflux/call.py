@@ -16,6 +16,7 @@ from ..common.inputs import (
     BatchShape,
     Numbers,
     batch_of_stacks,
+    check_given,
     check_tolerance,
     check_values,
     concrete,
@@ -104,6 +105,7 @@ def prepare(
     """
     # What is known decides which program there is to be, before JAX may trace the rest.
     check_tolerance(stack.tolerance)
+    check_given(cosines)
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
     known_moments = concrete(moments)
