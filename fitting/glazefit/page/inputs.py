@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from glazejax.io.formats.envi import DATA_ENDINGS
 from glazejax.io.source import split_sheet
 
-_ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
+_ENVI = ("", ".hdr", *(f".{ending}" for ending in DATA_ENDINGS))
 
 
 def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:

@@ -24,6 +24,7 @@ from glazejax.progress import Progress, counted, no_progress
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
 
+from ..film.model.response import over_ground
 from ..film.numerics.columns import Columns, take_rows
 from .model import Sizes, StackModel, internal, lab_of
 from .targets import Indices, TargetArrays
@@ -247,10 +248,8 @@ def _distances(
     ground = jnp.swapaxes(below, 0, 1)  # (thicknesses, lower, bands)
 
     def of_one(coat: Coats) -> tuple[Array, Array]:
-        black, gain, back = (
-            values[:, None, None, :] for values in model.film.numbers(*optical(coat))
-        )
-        reading = black + gain * ground / (1.0 - back * ground) + model.surface
+        numbers = (values[:, None, None, :] for values in model.film.numbers(*optical(coat)))
+        reading = over_ground(*numbers, ground=ground) + model.surface
         # (thicknesses, those of the lower, lower, targets)
         cost = _small_distances(model, targets, reading)
         cost = cost.reshape(-1, *cost.shape[2:])

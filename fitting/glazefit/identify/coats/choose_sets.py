@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from glazejax.spectra import Bands
 
 from ...film.model.errors import whitening
+from ...film.model.response import over_ground
 from ..result import Identification
 from ..search.pool import NOBODY
 from .arrangement import PaintNumbers
@@ -68,18 +69,18 @@ def nearest_pairs(
     logs = np.linspace(*LOG_AMOUNTS, int(np.clip(1500 // paints, 2, 15)))
     amounts = np.exp(logs)[:, None]
     depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
-    black, gain, back = (np.asarray(a)[:, None] for a in films.response.numbers(*depths))
+    numbers = [np.asarray(a)[:, None] for a in films.response.numbers(*depths)]
     white = whitening(fixed_covariance(wavelengths, len(grounds))).basis.astype(np.float32)
     target = (bodies.reshape(len(bodies), -1) @ white.T).astype(np.float32)
 
     # Lower coats as grounds of the upper ones.
-    lower = black + gain * grounds / (1.0 - back * grounds)
+    lower = over_ground(*numbers, ground=grounds)
     below = np.clip(np.asarray(films.response.internal(jnp.asarray(lower))), 0.0, 1.0)
     rare = (logs / SPREAD) ** 2
     misfit = np.full((len(bodies), paints, paints), np.inf)
     for upper in range(paints):
         rows = slice(upper * logs.size, (upper + 1) * logs.size)
-        over = black[rows] + gain[rows] * below[:, None] / (1.0 - back[rows] * below[:, None])
+        over = over_ground(*(number[rows] for number in numbers), ground=below[:, None])
         whitened = over.reshape(-1, len(white)).astype(np.float32) @ white.T
         off = np.sum(whitened**2, axis=-1) - 2.0 * target @ whitened.T
         off = off.reshape(len(bodies), paints, logs.size, logs.size) + rare[:, None] + rare

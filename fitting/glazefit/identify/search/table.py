@@ -20,7 +20,7 @@ from glazejax import Pigment
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import by_blocks
 
-from ...film.model.response import FilmResponse
+from ...film.model.response import FilmResponse, over_ground
 from .pool import NOBODY
 
 WhiteningMatrix: TypeAlias = Float[np.ndarray, "readings readings"]
@@ -88,8 +88,8 @@ def film_readings(
     """
     k = jnp.einsum("ntm,nmb->ntb", amounts, paints.absorption[sets])
     s = jnp.einsum("ntm,nmb->ntb", amounts, paints.scattering[sets])
-    black, gain, back = (a[:, :, None, :] for a in response.numbers(k, s))
-    return (black + gain * ground / (1.0 - back * ground)).reshape(*k.shape[:2], -1)
+    numbers = (a[:, :, None, :] for a in response.numbers(k, s))
+    return over_ground(*numbers, ground=ground).reshape(*k.shape[:2], -1)
 
 
 _read = Program(film_readings)

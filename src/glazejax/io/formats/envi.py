@@ -45,7 +45,8 @@ _AXES = {
     "bip": (("lines", "samples", "bands"), (0, 1, 2)),
     "bsq": (("bands", "lines", "samples"), (1, 2, 0)),
 }
-_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
+DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
+"""Endings of the binary half of a pair, next to its .hdr."""
 # A library is read as a whole; its numbers take 8 bytes each.
 _MAX_VALUES = 1 << 27
 # A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
@@ -327,7 +328,7 @@ class EnviFile:
             stem,
             *(
                 stem.with_name(f"{stem.name}.{end}")
-                for word in _ENDINGS
+                for word in DATA_ENDINGS
                 for end in (word, word.upper())
             ),
         ]
