@@ -35,7 +35,7 @@ class CubeSource:
         path: ENVI header or data, a zarr store, NetCDF, HDF5 or MATLAB, TIFF, a folder of TIFFs or
             PNGs, or .npy.
         wavelengths: nm, one a stored band, where the file has none; numbers or a text file of
-            numbers; a tuple of them where sources are compared.
+            numbers.
         dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
         white: reading of a white: a cube of the same size, a frame of the same width (averaged over
             its lines), or one spectrum. With it reflectance is (raw - dark) / (white - dark) times
@@ -53,7 +53,7 @@ class CubeSource:
     """
 
     path: Path
-    wavelengths: Any = None
+    wavelengths: tuple[float, ...] | str | Path | None = None
     dataset: str | None = None
     white: str | Path | None = None
     dark: str | Path | None = None
@@ -67,120 +67,24 @@ class CubeSource:
 
     def open(self) -> "xarray.DataArray":
         """The image as one lazy array of reflectance factors; see `open_cube`."""
-        require("xarray")
-        self._check()
-        stated = Stated(quantity=self.quantity, unit=self.unit, scale=self.scale)
-        length, _ = read_units(stated)
-        listed = None if self.wavelengths is None else read_numbers(self.wavelengths, length)
-        raw = raw_cube(self.path, self.dataset, None if listed is None else listed.size)
-        raw = with_usual_mark(raw)
-        notes = list(raw.notes)
-        stored = _stored_wavelengths(raw, listed, length, notes)
-        grid, groups = self._grid(raw, stored, notes)
-        window = self._window(raw, notes)
-        value_of_one = 1.0
-        unit_read = "raw"
-        calibrated = None
-        if self.white is not None:
-            calibrated = calibration(
-                raw, stored, self.white, self.dark, self.white_reflectance, notes
-            )
-        else:
-            cure = "give the scale (scale=10000, --scale 10000), or a white reference"
-            value_of_one, unit_read = scale_of(raw, groups.ravel(), notes, cure, **stated)
-        from .lazy import CubeReading, as_data_array
-
-        reading = CubeReading(
-            raw=raw,
-            bands=groups,
-            window=window,
-            binning=(self.binning[0], self.binning[1]),
-            scale=value_of_one,
-            calibration=calibrated,
-        )
-        return as_data_array(reading, grid, unit_read, notes)
-
-    def _check(self) -> None:
-        """Refuse options that contradict each other or mean nothing."""
-        if self.dark is not None and self.white is None:
-            raise ValueError("a dark reference alone calibrates nothing; give a white one too")
-        if self.white is not None and self.scale is not None:
-            raise ValueError(
-                "give a scale or a white reference, not both: the white says what a reflectance of "
-                "1 is"
-            )
-        if self.scale is not None and not (np.isfinite(self.scale) and self.scale > 0):
-            raise ValueError(f"scale is {self.scale:g}; it must be positive")
-        if len(self.binning) != 3 or min(self.binning) < 1:
-            raise ValueError(
-                f"binning is {self.binning}; it must be three whole numbers from 1 on: y, x, "
-                "wavelength"
-            )
-
-    def _grid(
-        self, raw: RawCube, stored: Stored, notes: list[str]
-    ) -> tuple[Bands, Int[np.ndarray, "bands n"]]:
-        """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
-        grid, bands = in_order(stored, raw.good, notes)
-        new = np.concatenate([[True], np.diff(grid) > 0])
-        if not new.all():
-            again = ", ".join(f"{value:g}" for value in np.unique(grid[~new])[:3])
-            notes.append(
-                f"{int((~new).sum())} bands repeat a wavelength ({again} nm) and are left out"
-            )
-            grid = grid[new]
-            bands = bands[new]
-        with naming(raw.path):
-            validate_wavelengths(grid)
-        if self.bands is not None:
-            first, last = self.bands
-            inside = lie_between(grid, first, last)
-            if not inside.any():
-                raise refusal(
-                    raw.path,
-                    f"no band lies from {first:g} to {last:g} nm; the image has "
-                    f"{describe_grid(grid)}",
-                )
-            grid = grid[inside]
-            bands = bands[inside]
-        each = self.binning[2]
-        if each > grid.size:
-            raise refusal(
-                raw.path,
-                f"bins of {each} bands are larger than the {grid.size} bands that there are",
-            )
-        whole = grid.size // each * each
-        if whole < grid.size:
-            notes.append(
-                f"{grid.size - whole} bands at the red end do not fill a bin and are left out"
-            )
-        return grid[:whole].reshape(-1, each).mean(1), bands[:whole].reshape(-1, each)
-
-    def _window(self, raw: RawCube, notes: list[str]) -> tuple[int, int, int, int]:
-        """First and end line and sample, checked."""
-        lines, samples, _ = raw.shape
-        y0, y1, x0, x1 = (0, lines, 0, samples) if self.window is None else self.window
-        if not (0 <= y0 < y1 <= lines and 0 <= x0 < x1 <= samples):
-            raise refusal(
-                raw.path,
-                f"the window of lines {y0}:{y1} and samples {x0}:{x1} does not lie in the image of "
-                f"{lines} lines x {samples} samples",
-            )
-        for size, each, what in (
-            (y1 - y0, self.binning[0], "lines"),
-            (x1 - x0, self.binning[1], "samples"),
-        ):
-            if each > size:
-                raise refusal(
-                    raw.path,
-                    f"bins of {each} {what} are larger than the {size} {what} that there are",
-                )
-            if size % each:
-                notes.append(f"{size % each} {what} at the end do not fill a bin and are left out")
-        return y0, y1, x0, x1
+        return open_cube(**vars(self))
 
 
-def open_cube(path: str | Path, **options: Any) -> "xarray.DataArray":
+def open_cube(
+    path: str | Path,
+    *,
+    wavelengths: Any = None,
+    dataset: str | None = None,
+    white: str | Path | None = None,
+    dark: str | Path | None = None,
+    white_reflectance: float | str | Path = 1.0,
+    quantity: str | None = None,
+    unit: str | None = None,
+    scale: float | None = None,
+    window: tuple[int, int, int, int] | None = None,
+    binning: tuple[int, int, int] = (1, 1, 1),
+    bands: tuple[float, float] | None = None,
+) -> "xarray.DataArray":
     """Open an image of spectra without reading it, as one lazy array with dims y, x and wavelength.
 
     Values are reflectance factors as fractions, float32, NaN where data are missing; they are read
@@ -196,10 +100,8 @@ def open_cube(path: str | Path, **options: Any) -> "xarray.DataArray":
     ``path``, ``format``,
     ``unit`` (of the file), ``shape_in_file``, ``window`` and ``binning``.
 
-    Args:
-        path: of the file or folder.
-        options: further fields of `CubeSource`, by their names; it says what they are. Wavelengths
-            may be any sequence of numbers.
+    The arguments are those of `CubeSource`, which says what they are; wavelengths may be any
+    sequence of numbers.
 
     Raises:
         FileNotFoundError: no such file.
@@ -207,7 +109,57 @@ def open_cube(path: str | Path, **options: Any) -> "xarray.DataArray":
         ValueError: the file is not legal, or does not fit what is asked for; one line that says
         how to correct it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
     """
-    return CubeSource(Path(path), **options).open()
+    require("xarray")
+    _check_options(white, dark, scale, binning)
+    stated = Stated(quantity=quantity, unit=unit, scale=scale)
+    length, _ = read_units(stated)
+    listed = None if wavelengths is None else read_numbers(wavelengths, length)
+    raw = raw_cube(Path(path), dataset, None if listed is None else listed.size)
+    raw = with_usual_mark(raw)
+    notes = list(raw.notes)
+    stored = _stored_wavelengths(raw, listed, length, notes)
+    grid, groups = _grid(raw, stored, bands, binning[2], notes)
+    lines_and_samples = _window(raw, window, binning, notes)
+    value_of_one = 1.0
+    unit_read = "raw"
+    calibrated = None
+    if white is not None:
+        calibrated = calibration(raw, stored, white, dark, white_reflectance, notes)
+    else:
+        cure = "give the scale (scale=10000, --scale 10000), or a white reference"
+        value_of_one, unit_read = scale_of(raw, groups.ravel(), notes, cure, **stated)
+    from .lazy import CubeReading, as_data_array
+
+    reading = CubeReading(
+        raw=raw,
+        bands=groups,
+        window=lines_and_samples,
+        binning=(binning[0], binning[1]),
+        scale=value_of_one,
+        calibration=calibrated,
+    )
+    return as_data_array(reading, grid, unit_read, notes)
+
+
+def _check_options(
+    white: str | Path | None,
+    dark: str | Path | None,
+    scale: float | None,
+    binning: tuple[int, int, int],
+) -> None:
+    """Refuse options that contradict each other or mean nothing."""
+    if dark is not None and white is None:
+        raise ValueError("a dark reference alone calibrates nothing; give a white one too")
+    if white is not None and scale is not None:
+        raise ValueError(
+            "give a scale or a white reference, not both: the white says what a reflectance of 1 is"
+        )
+    if scale is not None and not (np.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale is {scale:g}; it must be positive")
+    if len(binning) != 3 or min(binning) < 1:
+        raise ValueError(
+            f"binning is {binning}; it must be three whole numbers from 1 on: y, x, wavelength"
+        )
 
 
 def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: list[str]) -> Stored:
@@ -223,3 +175,65 @@ def _stored_wavelengths(raw: RawCube, given: Stored | None, unit: str, notes: li
         if not same_grid(raw.nanometres(unit)[0], given):
             notes.append("the wavelengths that were given are used, not the file's own")
     return given
+
+
+def _grid(
+    raw: RawCube,
+    stored: Stored,
+    limits: tuple[float, float] | None,
+    each: int,
+    notes: list[str],
+) -> tuple[Bands, Int[np.ndarray, "bands n"]]:
+    """Wavelengths that are given, ascending, and the stored bands that each is the mean of."""
+    grid, bands = in_order(stored, raw.good, notes)
+    new = np.concatenate([[True], np.diff(grid) > 0])
+    if not new.all():
+        again = ", ".join(f"{value:g}" for value in np.unique(grid[~new])[:3])
+        notes.append(f"{int((~new).sum())} bands repeat a wavelength ({again} nm) and are left out")
+        grid = grid[new]
+        bands = bands[new]
+    with naming(raw.path):
+        validate_wavelengths(grid)
+    if limits is not None:
+        first, last = limits
+        inside = lie_between(grid, first, last)
+        if not inside.any():
+            raise refusal(
+                raw.path,
+                f"no band lies from {first:g} to {last:g} nm; the image has {describe_grid(grid)}",
+            )
+        grid = grid[inside]
+        bands = bands[inside]
+    if each > grid.size:
+        raise refusal(
+            raw.path, f"bins of {each} bands are larger than the {grid.size} bands that there are"
+        )
+    whole = grid.size // each * each
+    if whole < grid.size:
+        notes.append(f"{grid.size - whole} bands at the red end do not fill a bin and are left out")
+    return grid[:whole].reshape(-1, each).mean(1), bands[:whole].reshape(-1, each)
+
+
+def _window(
+    raw: RawCube,
+    window: tuple[int, int, int, int] | None,
+    binning: tuple[int, int, int],
+    notes: list[str],
+) -> tuple[int, int, int, int]:
+    """First and end line and sample, checked."""
+    lines, samples, _ = raw.shape
+    y0, y1, x0, x1 = (0, lines, 0, samples) if window is None else window
+    if not (0 <= y0 < y1 <= lines and 0 <= x0 < x1 <= samples):
+        raise refusal(
+            raw.path,
+            f"the window of lines {y0}:{y1} and samples {x0}:{x1} does not lie in the image of "
+            f"{lines} lines x {samples} samples",
+        )
+    for size, each, what in ((y1 - y0, binning[0], "lines"), (x1 - x0, binning[1], "samples")):
+        if each > size:
+            raise refusal(
+                raw.path, f"bins of {each} {what} are larger than the {size} {what} that there are"
+            )
+        if size % each:
+            notes.append(f"{size % each} {what} at the end do not fill a bin and are left out")
+    return y0, y1, x0, x1
