@@ -1,4 +1,4 @@
-"""Assertions that many tests make of functions that JAX transforms."""
+"""What many tests ask of numbers, and of functions that JAX transforms."""
 
 from collections.abc import Callable
 from functools import partial

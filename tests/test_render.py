@@ -269,7 +269,8 @@ def test_the_installed_command(tmp_path):
             "render",
             *words.split(),
             cwd=tmp_path,
-            env={"COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")},
+            # The package that is installed, and not the one that the tests lie in.
+            env={"COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache"), "PYTHONPATH": ""},
             status=status,
         )
 

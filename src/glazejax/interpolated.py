@@ -426,6 +426,7 @@ class _Builder:
         values = self._grid([extrema(5)] * axes)
         while True:
             coefficients = series_coefficients(values, axes)
+            # Points that had no part in the table, and the function there.
             self.checks = np.zeros((0, axes))
             self.truth = np.zeros((0, values.shape[-1]))
             error = 0.0

@@ -192,6 +192,14 @@ def test_svc_is_percent_however_dark(read):
     assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
 
 
+def test_svc_detectors_that_overlap_change_in_the_middle(read):
+    table = read(svc([*GRID[:21], *(GRID[17:] + 3)], [*RED[:21], *BLUE[17:]]))
+    # The overlap is 573 to 600 nm.
+    assert "detectors overlap: the change is at 586.5 nm" in table.notes
+    right = np.array([*RED[:19], *BLUE[19:]]) / 100
+    same(table, [*GRID[:19], *(GRID[19:] + 3)], [right], ["red panel"], atol=1e-9)
+
+
 ABOVE = "line 1: a row of the table stands above its beginning"
 SPC = "a Galactic SPC file .* as JCAMP-DX or as text"
 BELOW = r"line 6: no numbers below .* export it again"

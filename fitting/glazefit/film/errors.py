@@ -211,19 +211,19 @@ def expand(
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
-    while True:
+    # Slopes are needed once more than steps.
+    for number in range(steps + 1):
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
         variance = np.asarray(_variance(data, linear))
         offset = -np.einsum("febg,feb->fbg", by_log, delta)
-        if not steps:
+        if number == steps:
             break
-        steps -= 1
         target = unexplained - linear.body - offset
         covariance = share * _caused(by_log, smooth)
-        rows = variance.reshape(len(delta), -1, 1)
-        covariance += np.eye(rows.shape[1]) * rows
-        pull = np.linalg.solve(covariance, target.reshape(rows.shape)).reshape(target.shape)
+        variances = variance.reshape(len(delta), -1, 1)
+        covariance += np.eye(variances.shape[1]) * variances
+        pull = np.linalg.solve(covariance, target.reshape(variances.shape)).reshape(target.shape)
         step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))

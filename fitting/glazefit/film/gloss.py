@@ -63,12 +63,13 @@ def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict
             f"those with it at {describe_grid(films.wavelengths)}: export both on one grid"
         )
     shares = {}
+    readings, excluded_readings = films.over_cards, excluded.over_cards
     for row, name in enumerate(films.names):
         if name not in excluded.names:
             continue
         excluded_row = excluded.names.index(name)
         measured = films.seen[row] & excluded.seen[excluded_row]
-        off = (films.over_cards[row] - excluded.over_cards[excluded_row])[measured]
+        off = (readings[row] - excluded_readings[excluded_row])[measured]
         share = float(np.mean(off)) / surface if off.size else np.nan
         if not 0.01 < share < 1.5:
             raise ValueError(

@@ -34,11 +34,12 @@ def estimate_noise(films: Films) -> Noise:
     readings = films.readings()
     everything = _fit_ends(films.wavelengths, readings)
     # Cards are smooth whatever the paint is.
+    bare = _fit_ends(films.wavelengths, readings[:2])
     # Films so much rougher than their cards have spectra that are no smooth ones; the cards then
     # say what noise is.
-    bare = _fit_ends(films.wavelengths, readings[:2])
-    rough = everything and bare and np.mean(everything) > 3.0 * np.mean(bare)
-    return _at_least(bare if rough else everything)
+    if everything and bare and np.mean(everything) > 3.0 * np.mean(bare):
+        return _at_least(bare)
+    return _at_least(everything)
 
 
 def spectra_noise(wavelengths: Bands, spectra: Rows) -> Noise:

@@ -18,7 +18,7 @@ from .forward import Film, FilmShared, PerUnknown, Terms, log_fractions
 from .model.errors import Prior
 from .model.variation import STRENGTH
 
-Covariance: TypeAlias = Float[np.ndarray, "dims dims"]
+UnknownsCovariance: TypeAlias = Float[np.ndarray, "dims dims"]
 """Of the free unknowns of a block."""
 
 
@@ -33,7 +33,7 @@ class Law(Protocol):
         """Draws of the unknowns."""
         ...
 
-    def covariance(self, shared: Any) -> Covariance:
+    def covariance(self, shared: Any) -> UnknownsCovariance:
         """Of the draws."""
         ...
 
@@ -114,7 +114,7 @@ class FilmPrior:
         draws[:, positions.gloss] = rng.logistic(size=(n, int(film.gloss)))
         return draws
 
-    def covariance(self, shared: FilmShared) -> Covariance:
+    def covariance(self, shared: FilmShared) -> UnknownsCovariance:
         """Of the draws: log-ratios to the same fraction are correlated by a half."""
         sd = np.asarray(shared.sd)
         covariance = np.diag(sd**2)

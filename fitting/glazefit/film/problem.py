@@ -25,7 +25,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film, PerUnknown, Scalar, Terms
-from .prior import Covariance, Law
+from .prior import UnknownsCovariance, Law
 from .reading import Reading
 
 FreeDraws: TypeAlias = Float[np.ndarray, "draws blocks dims"]
@@ -137,7 +137,7 @@ class FilmProblem:
         return PosteriorResiduals(self.misfit, self.prior)
 
     @functools.cached_property
-    def prior_covariance(self) -> Covariance:
+    def prior_covariance(self) -> UnknownsCovariance:
         """Of the free unknowns."""
         return self.prior.covariance(self.shared)
 

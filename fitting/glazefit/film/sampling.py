@@ -87,6 +87,7 @@ class Sampling:
                 "thousands, such as 4000"
             )
         if self.walkers is not None:
+            # Refuses too few.
             self.walkers_for(1)
 
     @property

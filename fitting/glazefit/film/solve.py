@@ -33,8 +33,8 @@ from .problem import FilmProblem, FreeDraws
 
 TRUSTED_TAIL = 0.7
 
-StartPoints: TypeAlias = Float[np.ndarray, "blocks starts dims"]
-"""Free unknowns of each start of each block."""
+PerStart: TypeAlias = Float[np.ndarray, "blocks starts dims"]
+"""Free unknowns, for each start of each block."""
 ModeFlags: TypeAlias = Bool[np.ndarray, "blocks modes"]
 """What holds of which mode of each block."""
 PerBlock: TypeAlias = Float[np.ndarray, "blocks"]
@@ -46,7 +46,7 @@ BlockFlags: TypeAlias = Bool[np.ndarray, "blocks"]
 class Modes(NamedTuple):
     """Ends of least squares from each start of each block, best first."""
 
-    points: StartPoints
+    points: PerStart
     settled: Bool[np.ndarray, "blocks starts"]  # False where it was stopped
     height: Float[np.ndarray, "blocks starts"]  # log posterior
 
@@ -69,7 +69,7 @@ class Gaussians(NamedTuple):
         return self.means[at] + jnp.einsum("cbij,cbj->cbi", self.roots[at], steps)
 
     def draws(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n blocks dims"]:
-        """The same by NumPy's random numbers."""
+        """Draws of each block, (n, blocks, dims), by NumPy's random numbers."""
         blocks, parts, dims = self.means.shape
         shares = np.exp(np.asarray(self.log_weights))
         chosen = np.array([rng.choice(parts, size=n, p=share) for share in shares])
@@ -195,7 +195,7 @@ def find_modes(problem: FilmProblem, *, seed: int = 0) -> Modes:
     return climb(problem, np.stack([group[of] for group, of in groups], axis=1))
 
 
-def climb(problem: FilmProblem, first: StartPoints) -> Modes:
+def climb(problem: FilmProblem, first: PerStart) -> Modes:
     """Ends of least squares from some points, best first."""
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
@@ -244,7 +244,7 @@ def laplace(problem: FilmProblem, solution: Modes, *, seed: int = 0) -> Laplace:
 
 
 def _distinct(
-    points: StartPoints,
+    points: PerStart,
     covariances: Float[np.ndarray, "blocks starts dims dims"],
     height: Float[np.ndarray, "blocks starts"],
 ) -> tuple[Int[np.ndarray, "blocks modes"], ModeFlags]:

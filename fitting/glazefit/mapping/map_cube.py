@@ -266,16 +266,16 @@ def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _S
         means = np.maximum(means, 0.0)
         readings, beyond = survey(features, means, most, reach, progress)
         count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-        result = {
-            "noise": np.array([noise.floor, noise.share]),
-            "middle": features.middle,
-            "directions": features.directions,
-            "readings": readings,
+        result = _Surveyed(
+            noise=np.array([noise.floor, noise.share]),
+            middle=features.middle,
+            directions=features.directions,
+            readings=readings,
             # Spectra beyond are searched themselves.
-            "reach": np.array(1.15 * max(beyond, 1.0)),
-            "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
-        }
-        work.put("survey", result)
+            reach=np.array(1.15 * max(beyond, 1.0)),
+            checked=means[np.linspace(0, len(means) - 1, count).astype(int)],
+        )
+        work.put("survey", vars(result))
     return _Surveyed(**work.get("survey"))
 
 

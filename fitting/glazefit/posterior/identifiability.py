@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 from glazejax.spectra import Bands, ranges
 
-from ..film.prior import Covariance
+from ..film.prior import UnknownsCovariance
 from ..film.problem import FilmProblem, FreeDraws, Quantity, SpectraDraws
 from ..recover.films.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 from .summary import LEVELS
@@ -35,7 +35,7 @@ class Identifiability:
 
 
 def directions(
-    free: Float[np.ndarray, "draws dims"], prior: Covariance
+    free: Float[np.ndarray, "draws dims"], prior: UnknownsCovariance
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions of the free unknowns, from their draws.
 
@@ -54,7 +54,7 @@ def directions(
     return shares, vectors, covariance / sd[:, None] / sd
 
 
-def _describe_correlated(correlation: Covariance, names: Sequence[str]) -> list[str]:
+def _describe_correlated(correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]) -> list[str]:
     """Pairs of unknowns that move together: known together better than each by itself."""
     return [
         f"{names[j]} and {names[i]} can hardly be distinguished: they move "
@@ -117,11 +117,7 @@ def _of_spectra(spectra: SpectraDraws, wavelengths: Bands) -> list[str]:
     return [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
 
 
-def identify_open(
-    problem: FilmProblem,
-    free: FreeDraws,
-    wavelengths: Bands,
-) -> Identifiability:
+def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> Identifiability:
     """Open directions, and sentences that name them.
 
     Band by band a value is known if its standard deviation is less than half of it or than .01, the
@@ -210,17 +206,13 @@ def _open_directions(
     return sentences + _describe_correlated(correlation, names)
 
 
-def only_ratio(
-    spectra: SpectraDraws,
-) -> Bool[np.ndarray, "bands"]:
+def only_ratio(spectra: SpectraDraws) -> Bool[np.ndarray, "bands"]:
     """Bands of which k/s is known, but not both k and s."""
     k, s, ratio = _known_values(spectra)
     return ratio & ~(k & s)
 
 
-def _known_values(
-    spectra: SpectraDraws,
-) -> list[Bool[np.ndarray, "bands"]]:
+def _known_values(spectra: SpectraDraws) -> list[Bool[np.ndarray, "bands"]]:
     """Bands of which k, s and k/s are known."""
     return [
         values.std(axis=0) <= np.maximum(RELATIVE_LIMIT * values.mean(axis=0), ABSOLUTE_LIMIT)

@@ -30,7 +30,7 @@ from .task import RecipeTask
 
 Points: TypeAlias = Float[np.ndarray, "n unknowns"]
 """Logarithms of the coats' thicknesses, um, then those of the shares."""
-PerPlace: TypeAlias = Float[np.ndarray, "n places"]
+PerAmount: TypeAlias = Float[np.ndarray, "n places"]
 """A number for each amount above 0 of each stack."""
 Labs: TypeAlias = Float[np.ndarray, "*batch 3"]
 """L*, a*, b* of colours."""
@@ -43,14 +43,14 @@ class Amounts(NamedTuple):
     place: Int[np.ndarray, "n places"]  # in the stack, of all coats' paints in one row
     member: Bool[np.ndarray, "n coats places"]  # which are there, and in which coat
 
-    def shares(self, point: Points) -> tuple[PerPlace, PerPlace]:
+    def shares(self, point: Points) -> tuple[PerAmount, PerAmount]:
         """Share that each place takes of its coat, and its size in um."""
         coats = self.member.shape[1]
         weight = self.member * np.exp(point[:, None, coats:])
         share = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-300)
         return share.sum(axis=1), (share * np.exp(point[:, :coats, None])).sum(axis=1)
 
-    def stacks(self, amount: PerPlace, paints: int) -> Sizes:
+    def stacks(self, amount: PerAmount, paints: int) -> Sizes:
         """The stacks of which each place has so much, um."""
         rows, coats, _ = self.member.shape
         sizes = np.zeros((rows, coats * paints))

@@ -87,8 +87,9 @@ def screen_colours(recipe: Recipe) -> tuple[str, str]:
         wanted = colour.srgb(target.wavelengths, target.reflectance, illuminant=light, observer=eye)
         mixed = colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light, observer=eye)
     else:
-        # Relative to the illuminant's white, which a screen shows as its own.
-        white = colour.white_point(recipe.wavelengths, light, eye)
+        # Relative to the illuminant's white, which a screen shows as its own; by the screen's
+        # observer, so that a colour of a screen is shown as it was typed.
+        white = colour.white_point(recipe.wavelengths, light)
         wanted, mixed = (
             colour.xyz_to_srgb(colour.lab_to_xyz(labs[light], white), white)
             for labs in (target.labs, recipe.lab)

@@ -257,7 +257,7 @@ class _Inputs(NamedTuple):
     substrate_reflectance: Numbers
     refractive_index: Numbers
     cos_incidence: Numbers
-    cos_viewing: Numbers | None = None  # of the hemispherical flux
+    cos_viewing: Numbers | None = None  # None: all viewing directions together
 
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str, run: Any) -> Any:
@@ -332,7 +332,8 @@ def _prepare_any(
     """What `_prepare` returns, with nothing planned before."""
     check_choice("method", method, Method)
     check_tolerance(tolerance)
-    check_given(inputs._replace(cos_viewing=1.0)._asdict())
+    # No viewing direction: all of them together. `batch_of_stacks` checks the rest.
+    check_given({name: getattr(inputs, name) for name in ("refractive_index", "cos_incidence")})
     check_values({"refractive_index": inputs.refractive_index})
     fixed = plain_number(inputs.refractive_index)
     checked = batch_of_stacks(

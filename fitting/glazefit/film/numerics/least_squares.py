@@ -177,7 +177,7 @@ class Descent(NamedTuple):
 
 def descend(
     look: Callable[[Point], Surroundings],
-    solve: Callable[[Any, float, Point], Point],
+    solve: Callable[[Any, float, Float[np.ndarray, "n"]], Float[np.ndarray, "n"]],
     start: Point,
     *,
     first_step: float,
@@ -240,7 +240,7 @@ class Looks(NamedTuple):
     """
 
     cost: PerProblem  # sum of squares; infinite where it is no number
-    slope: Positions
+    slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
 

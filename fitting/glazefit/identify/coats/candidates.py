@@ -83,17 +83,17 @@ def with_coats(
             # Coats whose log chance is 8 below the spectrum's best are no candidate.
             films = np.flatnonzero(logs > best[weighed_set.rows] - 8.0)
             if len(arrangement.coats) == 2 and films.size:
-                set_rows = weighed_set.rows[films]
+                film_rows = weighed_set.rows[films]
                 near = _candidates(
-                    Chunk(task, measured.take(set_rows)),
+                    Chunk(task, measured.take(film_rows)),
                     weighed_set.members,
                     arrangement,
                     weighed_set.stated[number],
                     films,
                 )
-                weight = logs[films] + scale[set_rows] + rare[list(weighed_set.members)].sum()
+                weight = logs[films] + scale[film_rows] + rare[list(weighed_set.members)].sum()
                 pools.append(replace(near, log_weight=weight[:, None]))
-                rows.append(set_rows)
+                rows.append(film_rows)
     return pool.merge(Pool.join(pools).spread(np.concatenate(rows), count)) if pools else pool
 
 
@@ -117,7 +117,7 @@ def _candidates(
     size = len(members)
     sets = np.tile(np.array(members, dtype=np.int32), (len(films), 1))
     coated = CoatedFilms(
-        coefficients=np.take(np.stack(task.paints), members, axis=1).astype(float),
+        coefficients=np.stack(task.paints)[:, list(members)].astype(float),
         grounds=chunk.spectra.grounds[0],
         optics=task.optics,
         response=task.response,
@@ -144,11 +144,10 @@ def _candidates(
         readings=readings[:, None],
     )
     pool = pool_of(task, sets[:, None], fitted)
-    coats = np.zeros_like(pool.coats)
-    coats[..., list(arrangement.coats[1])] = 1
+    pool.coats[..., list(arrangement.coats[1])] = 1
     weighed = pool.logs.copy()
     weighed[..., :size] = evidence.log_amounts[films][:, None]
     row = np.arange(len(films))
     adjusted = move_readings(chunk, readings, Groups(row, row, sets, slopes))
-    pool = replace(pool, coats=coats, weighed=weighed, adjusted=adjusted[:, None])
+    pool = replace(pool, weighed=weighed, adjusted=adjusted[:, None])
     return with_surface(chunk, pool)

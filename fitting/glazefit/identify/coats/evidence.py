@@ -40,19 +40,20 @@ _LENGTH = 60.0
 _SHARED = 0.6
 # Noise of a single band.
 _NOISE = 0.003
-# Of the surface's part, the same in all bands, and of bands beyond 1 micrometre, which have a
-# detector of their own.
+# Standard deviations of offsets: of the surface's part, the same in all bands, and of bands beyond
+# 1 micrometre, which have a detector of their own.
 _OFFSET = 0.015
 _SECOND_CAMERA = 0.02
 # Standard deviations of the relative level -> how probable each is: an instrument that rests on the
 # film, and a probe held by hand.
 _GAINS = {0.04: 0.95, 0.4: 0.05}
-# Standard deviation of log k in addition to what one reading leaves open, that of the pure paint's
-# reading that k/s was estimated from, the largest of log k that counts, and the length over which
-# log k errs together, nm.
+# Standard deviation of log k in addition to what one reading leaves open.
 _COEFFICIENT = 0.1
+# Standard deviation of the pure paint's reading that k/s was estimated from.
 _PURE_READING = 0.01
-_MOST = 0.7
+# Largest standard deviation of log k that counts.
+_MOST_COEFFICIENT = 0.7
+# Length over which log k errs together, nm.
 _COEFFICIENT_LENGTH = 100.0
 # Probability that a part of the film is missing in places, and standard deviation of the share of
 # the area in which it is.
@@ -93,7 +94,7 @@ def coefficient_sd(absorption: PaintCurves, scattering: PaintCurves) -> PaintCur
     # dR / d log(K/S).
     slope = ratio * (a / np.sqrt(np.maximum(a**2 - 1.0, 1e-12)) - 1.0)
     reading_sd = _PURE_READING / np.maximum(slope, 1e-4)
-    return np.minimum(np.hypot(_COEFFICIENT, reading_sd), _MOST)
+    return np.minimum(np.hypot(_COEFFICIENT, reading_sd), _MOST_COEFFICIENT)
 
 
 def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:

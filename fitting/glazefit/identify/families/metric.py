@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 
 from .templates import PerExemplar
 
-Covariance: TypeAlias = Float[np.ndarray, "components components"]
+ComponentMatrix: TypeAlias = Float[np.ndarray, "components components"]
 """Of components: a covariance, or a root of its inverse."""
 # How much of a covariance is taken from its diagonal alone (Ledoit and Wolf's shrinkage, fixed).
 _SHRINKAGE = 0.2
@@ -47,10 +47,10 @@ class Metric:
 
     mean: Float[np.ndarray, "features"]
     project: Float[np.ndarray, "features components"]
-    whiten: Covariance
+    whiten: ComponentMatrix
     middle: Float[np.ndarray, "components"]
     log_volume: float
-    spread: Covariance
+    spread: ComponentMatrix
 
     def place(
         self, features: Float[np.ndarray, "*n features"]
@@ -156,7 +156,7 @@ def _within_families(
     points: Float[np.ndarray, "exemplars components"],
     white: Float[np.ndarray, "exemplars components"],
     families: PerExemplar,
-) -> Covariance:
+) -> ComponentMatrix:
     """Covariance of differences to the nearest other exemplar of the same family."""
     total = np.zeros((points.shape[1], points.shape[1]))
     weight = 0.0
@@ -180,10 +180,10 @@ def _within_families(
     return _shrink(total / weight)
 
 
-def _shrink(covariance: Covariance) -> Covariance:
+def _shrink(covariance: ComponentMatrix) -> ComponentMatrix:
     return (1.0 - _SHRINKAGE) * covariance + _SHRINKAGE * np.diag(np.diag(covariance))
 
 
-def _inverse_root(covariance: Covariance) -> Covariance:
+def _inverse_root(covariance: ComponentMatrix) -> ComponentMatrix:
     """Matrix W with W W^T the inverse: points times it have unit covariance."""
     return np.linalg.cholesky(np.linalg.inv(covariance))

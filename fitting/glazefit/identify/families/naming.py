@@ -78,7 +78,7 @@ def _answer(sets: Sequence[tuple[float, list[str]]], total: float) -> FamilySet:
         # A black that has no chance of its own is named with the others for what it is called.
         ranked += [name for name in GROUPS[group] if group == "a black" and name not in ranked]
         within[group] = tuple(
-            (family, families[family] / group_total) for family in ranked[:LARGEST]
+            (family, families.get(family, 0.0) / group_total) for family in ranked[:LARGEST]
         )
     return FamilySet(families=coloured_first(names), probability=total, within=within)
 

@@ -24,9 +24,9 @@ from ...film.numerics.columns import Columns
 Coefficients: TypeAlias = Float[np.ndarray, "2 exemplars bands"]
 """k and s of exemplars, 1/m."""
 PerExemplar: TypeAlias = Int[np.ndarray, "exemplars"]
-"""A number for each exemplar: of its family, or of its source."""
+"""A number for each exemplar: its own, or that of its family or its source."""
 FilmCurves: TypeAlias = Float[np.ndarray, "films bands"]
-"""A curve for each film over the bands: what it reads, or its k, s or k/s."""
+"""A curve for each film over the bands: what it reads, its k, s or k/s, or its varnish."""
 FRACTIONS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98)
 """Mass fractions of the first of two paints."""
 COATS = (0.35, 1.0)

@@ -39,7 +39,7 @@ class Varnish:
     chances: tuple[float, ...]
 
     def expected(self, wavelengths: Bands) -> Bands:
-        """Mean optical thickness at each wavelength, nm."""
+        """Mean optical thickness at each of some wavelengths, nm."""
         return float(np.dot(self.levels, self.chances)) * yellow(wavelengths)
 
     def at_random(self, wavelengths: Bands, count: int) -> FilmCurves:
@@ -59,7 +59,7 @@ class Varnish:
         Args:
             response: of the instrument.
             wavelengths: nm.
-            bodies: readings without the outer surface's part.
+            bodies: readings under the expected varnish, without the outer surface's part.
         """
         bare = without_varnish(response, bodies, self.expected(wavelengths))
         return under_varnish(response, bare, self.at_random(wavelengths, len(bodies)))
@@ -67,8 +67,8 @@ class Varnish:
     def differences(
         self, response: FilmResponse, wavelengths: Bands, bodies: FilmCurves
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
-        """Change of each view of spectra without varnish by varnishes from the expected one; see
-        `exchange_at_random`.
+        """Change of each view of spectra where other varnishes than the expected one lie on them;
+        arguments as for `exchange_at_random`, but bodies without any varnish.
         """
         repeated = np.repeat(bodies, _DRAWS, axis=0)
         varied, expected = (

@@ -390,9 +390,13 @@ class Identification(Tabulated):
         film = self.films_of_answers(row).get(answer_of(self.family_sets[row][0].families))
         return "none that was kept" if film is None else " + ".join(film.paints)
 
-    def not_told(self, row: int) -> dict[str, list[str]]:
+    def not_told(self, row: int, least: float = 0.2) -> dict[str, list[str]]:
         """Paints of the first candidate -> others that may stand in their place, most probable
-        first: a film with another paint has at least a fifth of the first one's probability.
+        first.
+
+        Args:
+            row: of the spectrum.
+            least: share of the first one's probability that a film with another paint has.
         """
         first, *others = self.ranked(row)
         first_paints = set(first.paints)
@@ -400,7 +404,7 @@ class Identification(Tabulated):
         for candidate in others:
             gone = first_paints - set(candidate.paints)
             new = set(candidate.paints) - first_paints
-            if len(gone) == len(new) == 1 and candidate.probability >= 0.2 * first.probability:
+            if len(gone) == len(new) == 1 and candidate.probability >= least * first.probability:
                 alternatives = out.setdefault(gone.pop(), [])
                 alternatives.extend(new - set(alternatives))
         return out

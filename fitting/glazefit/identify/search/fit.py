@@ -30,11 +30,11 @@ from .table import Block, FilmTable, NearestSets, Paints
 from .task import Expected, IdentificationTask, Number
 
 FilmNumbers: TypeAlias = Int[np.ndarray, "films"]
-"""A number for each film: of its spectrum, its errors or its group."""
+"""A number for each film: its own, or that of its spectrum, its errors or its group."""
 FilmSets: TypeAlias = Int[np.ndarray, "films size"]
 """Paints of each film by number, negative for none."""
 FilmLogs: TypeAlias = Float[np.ndarray, "films size"]
-"""Log amounts of these paints."""
+"""Log amounts of the paints of each film."""
 PerPaint: TypeAlias = Float[Array, "size"]
 """A number for each paint of one film."""
 # Amounts between which a paint is searched, in units of the usual thickness; below the first it is

@@ -21,7 +21,7 @@ def fits_to_draw(explanations: Sequence[Record]) -> list[Record]:
     ]
 
 
-def plot_axes(record: Record, spot: Record) -> Record:
+def plot_axes(record: Record, spot: Record) -> dict[str, Any]:
     """Axes of the spectra and of what the fits leave, and that itself, (fits, grounds, bands)."""
     grid = np.asarray(record["measurement"]["wavelengths_nm"])
     measured = np.asarray(spot["measured"])

@@ -45,7 +45,7 @@ def set_rows(
             "colour": look.own_colours[n],
             "paints": [(look.paints[member], None) for member in members]
             if facts is not None
-            else _spreads(look, members),
+            else list(_spreads(look, members)),
             "pigments": about.get("pigments", ()),
             "exemplars": film["paints"] if film else (),
             "pixels": sums.pixels,

@@ -213,7 +213,9 @@ def _local_models(
     }
 
 
-def _density_slopes(films: FilmsUnderCondition, brighter: FilmsUnderCondition) -> SpectraReadings:
+def _density_slopes(
+    films: FilmsUnderCondition, brighter: FilmsUnderCondition
+) -> Float[np.ndarray, "spectra bands"]:
     """Slopes of what changes of variables add to a log density; see
     `glazefit.identify.search.unstated_conditions`.
     """

@@ -10,7 +10,7 @@ from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import cores
 
 SpectraReadings: TypeAlias = Float[np.ndarray, "spectra bands"]
-"""Readings of spectra at the working bands."""
+"""Readings of spectra at the working bands: measured, fitted, or their standard deviations."""
 PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
 """A number a spectrum."""
 SpectraFeatures: TypeAlias = Float[np.ndarray, "spectra directions"]

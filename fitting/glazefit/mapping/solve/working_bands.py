@@ -20,7 +20,8 @@ from ...identify.families.expected import has_families
 from ..store.layout import Status
 
 BandReadings: TypeAlias = Float[np.ndarray, "*n bands"]
-"""Readings at the working bands, of any shape."""
+"""Readings at the working bands, or their standard deviations; of any shape before the bands."""
+
 # Readings below 0 or near it by so many standard deviations of their noise are no noise.
 _SURE = 4.0
 

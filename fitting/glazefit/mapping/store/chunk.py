@@ -15,7 +15,7 @@ from ...film.numerics.columns import Columns
 Bands: TypeAlias = Float[np.ndarray, "bands"]
 """A number a band; `glazejax.spectra`, which has it too, loads JAX."""
 PixelReadings: TypeAlias = Float[np.ndarray, "pixels bands"]
-"""Readings of pixels at the working bands."""
+"""Readings of pixels at the working bands, or their standard deviations."""
 Members = tuple[int, ...]
 """Paints of a set by number, ascending; () where none of the paints explain a pixel."""
 
@@ -191,5 +191,7 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> ChunkMaps:
         arrays={},
         tallies=counts["tallies"],
         sets=sets,
-        unexplained=Unexplained.joined(1, lambda _, name: arrays[f"unexplained_{name}"]),
+        unexplained=Unexplained(
+            **{name: arrays[f"unexplained_{name}"] for name in ("pixels", "readings", "places")}
+        ),
     )

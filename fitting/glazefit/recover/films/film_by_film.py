@@ -51,7 +51,7 @@ class BandStart(NamedTuple):
     """Start of the fit of one band."""
 
     logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
-    least_scattering: PerBand  # smallest log(s d) that the data allow
+    least_scattering: Float[Array, "*bands"]  # smallest log(s d) that the data allow
 
 
 class Estimate(NamedTuple):
@@ -60,10 +60,10 @@ class Estimate(NamedTuple):
     optical: Float[Array, "*bands 2"]  # k d and s d
     covariance: Float[Array, "*bands 2 2"]
     fitted: Float[Array, "*bands 2"]  # without the surface's part
-    misfit: PerBand  # sum of squared residuals, in standard deviations
+    misfit: Float[Array, "*bands"]  # sum of squared residuals, in standard deviations
     converged: Bool[Array, "*bands"]
     ambiguous: Bool[Array, "*bands"]  # the other start led to another solution as good
-    least_scattering: PerBand
+    least_scattering: Float[Array, "*bands"]
 
 
 def starts(

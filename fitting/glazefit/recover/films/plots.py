@@ -14,7 +14,7 @@ from .result import Recovery
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Coefficients: TypeAlias = Float[np.ndarray, "bands 2"]
+BandCoefficients: TypeAlias = Float[np.ndarray, "bands 2"]
 """k and s at each band."""
 
 
@@ -57,9 +57,9 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
 def draw_coefficients(
     axes: "Axes",
     grid: Bands,
-    values: Coefficients,
-    lower: Coefficients,
-    upper: Coefficients,
+    values: BandCoefficients,
+    lower: BandCoefficients,
+    upper: BandCoefficients,
     identifiable: Bool[np.ndarray, "bands"],
 ) -> None:
     """k and s in 1/m with their bands, dotted where only their ratio is known."""

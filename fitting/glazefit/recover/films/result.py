@@ -21,7 +21,7 @@ FilmSpectra: TypeAlias = Float[np.ndarray, "films bands"]
 """A number a film and band."""
 FilmFlags: TypeAlias = Bool[np.ndarray, "films bands"]
 """Whether something holds of a film at a band."""
-PerReading: TypeAlias = Float[np.ndarray, "films 2"]
+PerFilmAndCard: TypeAlias = Float[np.ndarray, "films 2"]
 """A number a film over black and over white."""
 ReadingSpectra: TypeAlias = Float[np.ndarray, "films 2 bands"]
 """A number a film over black and over white, and band."""
@@ -90,7 +90,7 @@ class FittedFilms:
         """Root mean square of measured minus fitted reflectance, both cards together."""
         return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
 
-    def _delta_e(self, illuminant: str, observer: str | int) -> PerReading:
+    def _delta_e(self, illuminant: str, observer: str | int) -> PerFilmAndCard:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         films = self.films
         return films.where_seen(

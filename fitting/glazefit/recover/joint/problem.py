@@ -147,8 +147,8 @@ class JointResiduals(NamedTuple):
 
 
 def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unknowns:
-    """Logs of coefficients and of thicknesses as they are, with what the others add, or less
-    that.
+    """Logs of coefficients and of thicknesses as they are: unknowns with what the others add. With
+    a `sign` of -1 that is taken away again, see `deviations`.
     """
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
     coefficients = jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes)
@@ -251,9 +251,7 @@ def nearly_black(
     return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
 
 
-def minor_parts(
-    shares: FilmShares,
-) -> Float[np.ndarray, "films parts paints"]:
+def minor_parts(shares: FilmShares) -> Float[np.ndarray, "films parts paints"]:
     """Assign each error of weight to its paint: all parts of a film but the largest, on as many
     places as needed.
     """

@@ -18,7 +18,7 @@ from ..films.result import (
     FilmSpectra,
     FittedFilms,
     PerFilm,
-    PerReading,
+    PerFilmAndCard,
     ReadingSpectra,
 )
 from .constraints import MOST_ERROR, PaintModes
@@ -186,7 +186,7 @@ class JointRecovery(FittedFilms):
         expected = np.where(np.isnan(measured), self.shares @ self.unknowns.paints, measured)
         return np.exp(expected + self.unknowns.films[:, 1])
 
-    def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> PerReading:
+    def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> PerFilmAndCard:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         return self._delta_e(illuminant, observer)
 

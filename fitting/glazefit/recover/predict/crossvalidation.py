@@ -17,7 +17,7 @@ from glazejax.progress import Progress, no_progress
 
 from ...film.films import Films
 from ...film.model.variation import Variation, learn
-from ..films.result import PerFilm, PerReading, ReadingSpectra
+from ..films.result import PerFilm, PerFilmAndCard, ReadingSpectra
 from ..joint.joint import recover_jointly
 from ..joint.result import JointRecovery
 from .prediction import Prediction, predict_films
@@ -38,7 +38,7 @@ class LeftOut:
     """
 
     predictions: tuple[Prediction, ...]
-    fitted: PerReading
+    fitted: PerFilmAndCard
     measured: ReadingSpectra
     variation: Variation
     complete: bool
@@ -52,7 +52,7 @@ class LeftOut:
         return tuple(prediction.name for prediction in self.predictions)
 
     @cached_property
-    def predicted(self) -> PerReading:
+    def predicted(self) -> PerFilmAndCard:
         """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
         return np.array(
             [

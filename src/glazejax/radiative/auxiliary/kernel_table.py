@@ -172,7 +172,10 @@ class KernelTable:
                 f"{path} holds {str(content['format'])!r}; this version reads {_FORMAT!r}"
             )
         segments = content["e2"].size
-        sizes = (segments, segments + 1, 2 * segments, 2 * segments + 1) if segments else (0,) * 4
+        # In the order of `_ARRAYS`; an empty table has no edges either.
+        sizes = (segments, segments + 1, 2 * segments, 2 * segments + 1)
+        if not segments:
+            sizes = (0, 0, 0, 0)
         table = cls(float(content["refractive_index"]), float(content["step"]))
         table.segments = segments
         for name, size in zip(_ARRAYS, sizes, strict=True):

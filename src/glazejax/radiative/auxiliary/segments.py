@@ -29,6 +29,7 @@ class SegmentWeights(NamedTuple):
     next_edges: PerSegment
     """At right edges."""
     faces: Float[Array, "layers stacks"]
+    """At layers' lower faces."""
     held_by: Int[Array, "layers stacks"]
     """Number of the segment that holds each face."""
 
@@ -38,13 +39,13 @@ class SegmentWeights(NamedTuple):
         at_faces: Float[Array, "layers stacks *cases"],
     ) -> Float[Array, "n stacks *cases"]:
         """Integrals over the segments; exact."""
-        weights = SegmentWeights(*(append_axes(a, at_edges) for a in self))
-        at_faces = weights.faces * at_faces
+        edges, next_edges, faces = (append_axes(a, at_edges) for a in self[:3])
+        at_faces = faces * at_faces
         number = jnp.arange(at_edges.shape[0])[:, None]
         holds = self.held_by[:, None] == number
         at_faces = at_faces[:, None]
         within = jnp.sum(jnp.where(append_axes(holds, at_faces), at_faces, 0.0), axis=0)
-        between = weights.next_edges * _below(at_edges) - weights.edges * at_edges
+        between = next_edges * _below(at_edges) - edges * at_edges
         return between + within
 
 
@@ -94,7 +95,9 @@ class Segments(NamedTuple):
         def by_albedo(q: Array) -> SegmentWeights:
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
             falls = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
-            return SegmentWeights(edge, _below(edge), falls, holder)
+            return SegmentWeights(
+                edges=edge, next_edges=_below(edge), faces=falls, held_by=holder
+            )
 
         first = by_albedo(albedo)
         scattering = first.integrate(edges, faces)

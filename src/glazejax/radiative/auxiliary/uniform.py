@@ -39,6 +39,7 @@ from ..common.inputs import (
     Numbers,
     batch_of_stacks,
     check_choice,
+    check_given,
     check_values,
     concrete,
     flat_batch,
@@ -292,6 +293,7 @@ def _flatten(arguments: dict[str, Any]):
     """One axis of stacks, then axes of angles; and the function that gives a result its
     shape back.
     """
+    check_given(arguments)
     # Known arrays are gathered and cut by NumPy, which starts far faster.
     xp = jnp if any(isinstance(value, Tracer) for value in arguments.values()) else np
     arrays, full, layers = batch_of_stacks(arguments, xp=xp)

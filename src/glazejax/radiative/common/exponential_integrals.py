@@ -198,7 +198,7 @@ def internal_reflection_integral(
         power: static, >= 0.
         x: optical depth, (...), >= 0. For power 0 it must be positive: the totally reflected part
             has a logarithm.
-        refractive_index: n >= 1, a number or an array that broadcasts against x. At n = 1 the
+        refractive_index: n >= 1, a number or a JAX array that broadcasts against x. At n = 1 the
             result is zero.
 
     Returns:

@@ -150,13 +150,7 @@ def decay_integral(a: Reals, depth: Reals) -> Reals:
     return depth * phi(a * depth)
 
 
-def two_decays(
-    a: Reals,
-    b: Reals,
-    depth: Reals,
-    faded_a: Reals,
-    faded_b: Reals,
-) -> Reals:
+def two_decays(a: Reals, b: Reals, depth: Reals, faded_a: Reals, faded_b: Reals) -> Reals:
     """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D)/(b - a), regular
     at a = b.
 

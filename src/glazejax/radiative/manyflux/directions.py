@@ -57,7 +57,7 @@ def fewest_directions(
     Args:
         tolerance: absolute error wanted.
         index: refractive index.
-        sizes: of the moments.
+        sizes: of the moments, see `MomentSizes`.
         streams: number of directions, if it is given.
 
     Raises:

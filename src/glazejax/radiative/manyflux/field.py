@@ -150,7 +150,8 @@ def manyflux_field(
         for cut in np.unique(cuts).tolist()
     ]
     # Back to the order in which the depths came.
-    back = np.argsort(np.argsort(cuts, kind="stable"))
+    order = np.argsort(cuts, kind="stable")
+    back = np.argsort(order)
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *fields)
 
 

@@ -56,7 +56,8 @@ def symmetric_eigen(a: Matrices) -> tuple[Float[Array, "*batch n"], Matrices]:
         cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
         sine = cosine * tangent
         # Both sides of the matrix are turned, and the pairs change as in a tournament.
-        work = _rotate(_rotate(work, cosine, sine, -2), cosine, sine, -1)
+        work = _rotate(work, cosine, sine, -2)
+        work = _rotate(work, cosine, sine, -1)
         vectors = _rotate(vectors, cosine, sine, -1)
         return work[..., order, :][..., :, order], vectors[..., :, order]
 
@@ -91,7 +92,8 @@ def symmetric_eigen(a: Matrices) -> tuple[Float[Array, "*batch n"], Matrices]:
 def _rotate(matrix: Array, cosine: Array, sine: Array, axis: int) -> Array:
     """Rows (or columns) of both halves turned into each other."""
     # Pairs lie along the axis: the angle of each is the same all across it.
-    cosine, sine = (jnp.expand_dims(x, -3 - axis) for x in (cosine, sine))
+    across = -1 if axis == -2 else -2
+    cosine, sine = (jnp.expand_dims(x, across) for x in (cosine, sine))
     first, second = jnp.split(matrix, 2, axis=axis)
     return jnp.concatenate(
         [cosine * first - sine * second, sine * first + cosine * second], axis=axis

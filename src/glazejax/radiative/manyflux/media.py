@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 from ..common.quadrature import Directions, gauss, graded_gauss
 from .directions import MomentSizes, best_rule, first_good, scattered_sums
 
-NodeNumbers: TypeAlias = Float[np.ndarray, "n"]
+PerSharedNode: TypeAlias = Float[np.ndarray, "n"]
 """A number for each direction."""
 
 
@@ -45,11 +45,11 @@ class SharedSpread(NamedTuple):
 class SharedDirections(NamedTuple):
     """Directions by what they keep; see `in_medium`."""
 
-    flux: NodeNumbers
+    flux: PerSharedNode
     """n^2 mu w."""
-    end: NodeNumbers
+    end: PerSharedNode
     """The end of the direction's piece."""
-    beyond: NodeNumbers
+    beyond: PerSharedNode
     """The end squared less (n sin theta)^2, exact near grazing."""
 
 
@@ -79,7 +79,7 @@ def shared_directions(pieces: SharedSpread) -> SharedDirections:
 
 def in_medium(
     common: SharedDirections, index: float
-) -> tuple[NodeNumbers, NodeNumbers, Bool[np.ndarray, "n"]]:
+) -> tuple[PerSharedNode, PerSharedNode, Bool[np.ndarray, "n"]]:
     """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one,
     the weight zero.
     """
@@ -124,7 +124,7 @@ def fewest_shared_directions(
     Args:
         media: refractive indices of the layers.
         outside: of the air, and of the medium below where light leaves there.
-        sizes: of the moments.
+        sizes: of the moments, see `MomentSizes`.
         tolerance: absolute error wanted.
         streams: number of directions, if it is given.
 

@@ -59,9 +59,7 @@ def decay_rate(albedo: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch
     return _RATES[np.clip(index, 0, _RATES.size - 1)]
 
 
-def count_filled(
-    optical_thickness: PerLayer,
-) -> Int[np.ndarray, "stacks"]:
+def count_filled(optical_thickness: PerLayer) -> Int[np.ndarray, "stacks"]:
     """Number of layers down to the last that is not empty."""
     order = np.arange(1, optical_thickness.shape[1] + 1)
     return np.max(order * (optical_thickness > 0), axis=1, initial=0)

@@ -17,7 +17,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance
+from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_given, check_tolerance
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
 from .bounds import count_filled
@@ -227,6 +227,8 @@ def plan_stacks(
         "cos_incidence": cos_incidence,
         "cos_viewing": cos_viewing,
     }
+    # No viewing direction: all of them together.
+    check_given({name: value for name, value in arguments.items() if name != "cos_viewing"})
     known = {name: _check_known(name, v) for name, v in arguments.items() if v is not None}
     checked = batch_of_stacks(known, xp=np, dtype=float)
     shape = checked.batch
