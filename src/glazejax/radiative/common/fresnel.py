@@ -15,8 +15,6 @@ from jaxtyping import Array, Float
 
 Either: TypeAlias = Array | np.ndarray | np.floating
 """An array of either kind, or the number that NumPy makes of one without axes."""
-PerFace: TypeAlias = float | Float[Either, "*#batch"]
-"""One number, or one for each face of a batch, (...); all that a function takes broadcast."""
 
 
 def array_module(*arrays: object) -> ModuleType:
@@ -24,7 +22,10 @@ def array_module(*arrays: object) -> ModuleType:
     return jnp if any(isinstance(a, jax.Array) for a in arrays) else np
 
 
-def cos_refracted(cos_incidence: PerFace, refractive_index: PerFace) -> Float[Any, "*batch"]:
+def cos_refracted(
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Cosine inside a medium of index n >= 1 of a beam that comes from air.
 
     Snell's law, ``sin(theta_air) = n sin(theta_medium)`` (paper A, section 2). Written without the
@@ -36,7 +37,8 @@ def cos_refracted(cos_incidence: PerFace, refractive_index: PerFace) -> Float[An
 
 
 def dielectric_reflectance(
-    cos_incidence: PerFace, refractive_index: PerFace
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
 ) -> Float[Any, "*batch"]:
     """Fresnel reflectance of the smooth face of a dielectric, for unpolarised light from air.
 
@@ -62,7 +64,9 @@ def dielectric_reflectance(
 
 
 def conductor_reflectance(
-    cos_incidence: PerFace, refractive_index: PerFace, extinction: PerFace
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
+    extinction: float | Float[Either, "*#batch"],
 ) -> Float[Any, "*batch"]:
     """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from
     air.
@@ -101,7 +105,8 @@ def conductor_reflectance(
 
 
 def cook_torrance_reflectance(
-    cos_incidence: PerFace, normal_reflectance: PerFace
+    cos_incidence: float | Float[Either, "*#batch"],
+    normal_reflectance: float | Float[Either, "*#batch"],
 ) -> Float[Any, "*batch"]:
     """Cook and Torrance's estimate: the dielectric that reflects as much at normal incidence.
 
@@ -120,7 +125,9 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
-def hall_extinction(mean_normal_reflectance: PerFace) -> Float[Any, "*batch"]:
+def hall_extinction(
+    mean_normal_reflectance: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
 
     Args:
@@ -133,10 +140,10 @@ def hall_extinction(mean_normal_reflectance: PerFace) -> Float[Any, "*batch"]:
 
 
 def hall_reflectance(
-    cos_incidence: PerFace,
-    normal_reflectance: PerFace,
-    mean_extinction: PerFace,
-    mean_index: PerFace = 1.0,
+    cos_incidence: float | Float[Either, "*#batch"],
+    normal_reflectance: float | Float[Either, "*#batch"],
+    mean_extinction: float | Float[Either, "*#batch"],
+    mean_index: float | Float[Either, "*#batch"] = 1.0,
 ) -> Float[Any, "*batch"]:
     """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all
     wavelengths.
