@@ -25,7 +25,7 @@ from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
 from .forward import Film, PerUnknown, Scalar, Terms
-from .prior import UnknownsCovariance, Law
+from .prior import Law, UnknownsCovariance
 from .reading import Reading
 
 FreeDraws: TypeAlias = Float[np.ndarray, "draws blocks dims"]

@@ -54,7 +54,9 @@ def directions(
     return shares, vectors, covariance / sd[:, None] / sd
 
 
-def _describe_correlated(correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]) -> list[str]:
+def _describe_correlated(
+    correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]
+) -> list[str]:
     """Pairs of unknowns that move together: known together better than each by itself."""
     return [
         f"{names[j]} and {names[i]} can hardly be distinguished: they move "

@@ -31,7 +31,8 @@ class Pool(Columns):
     readings: CandidateReadings
     adjusted: CandidateReadings  # moved by the likeliest errors of the paints' coefficients
     gloss: PerCandidate
-    condition: Int[np.ndarray, "spectra candidates"]  # by number; see `unstated_conditions.CONDITIONS`
+    # By number, see `unstated_conditions.CONDITIONS`.
+    condition: Int[np.ndarray, "spectra candidates"]
 
     def merge(self, *pools: "Pool") -> "Pool":
         """Candidates of all for the same spectra."""

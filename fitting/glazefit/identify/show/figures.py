@@ -1,6 +1,7 @@
 """Plots of a spot on a page: which fits are drawn, and axes that hold them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 

@@ -9,10 +9,10 @@ from jaxtyping import Float, Int
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import cores
 
+from ...identify.search.pool import PerSpectrum
+
 SpectraReadings: TypeAlias = Float[np.ndarray, "spectra bands"]
 """Readings of spectra at the working bands: measured, fitted, or their standard deviations."""
-PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
-"""A number a spectrum."""
 SpectraFeatures: TypeAlias = Float[np.ndarray, "spectra directions"]
 """Numbers by which spectra are compared (`Features`)."""
 

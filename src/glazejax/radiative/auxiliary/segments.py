@@ -95,9 +95,7 @@ class Segments(NamedTuple):
         def by_albedo(q: Array) -> SegmentWeights:
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
             falls = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
-            return SegmentWeights(
-                edges=edge, next_edges=_below(edge), faces=falls, held_by=holder
-            )
+            return SegmentWeights(edges=edge, next_edges=_below(edge), faces=falls, held_by=holder)
 
         first = by_albedo(albedo)
         scattering = first.integrate(edges, faces)
