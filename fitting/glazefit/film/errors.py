@@ -211,29 +211,27 @@ def expand(
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
-    # Slopes are needed once more than steps.
-    for number in range(steps + 1):
+    for _ in range(steps):
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
-        variance = np.asarray(_variance(data, linear))
-        offset = -np.einsum("febg,feb->fbg", by_log, delta)
-        if number == steps:
-            break
-        target = unexplained - linear.body - offset
+        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
         covariance = share * _caused(by_log, smooth)
-        variances = variance.reshape(len(delta), -1, 1)
-        covariance += np.eye(variances.shape[1]) * variances
-        pull = np.linalg.solve(covariance, target.reshape(variances.shape)).reshape(target.shape)
+        variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
+        covariance += np.eye(variance.shape[1]) * variance[:, None]
+        pull = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1)).reshape(target.shape)
         step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
-    root = 1.0 / np.sqrt(variance)
-    spread, axes = np.linalg.eigh(_caused(by_log * root[:, None], smooth))
+    linear = slopes(film, shared.response, logs + delta, data.ground)
+    by_log = np.asarray(linear.by_log)
+    root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
+    caused = _caused(by_log * root[:, None], smooth)
+    spread, axes = np.linalg.eigh(caused)
     whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(
         expansion=Expansion(
             shift=delta,
-            offset=offset,
+            offset=-np.einsum("febg,feb->fbg", by_log, delta),
             whiten=whiten,
             spread=np.sqrt(np.maximum(spread, 0.0)),
         )

@@ -423,9 +423,7 @@ def _about(
         "created": datetime.now().astimezone().isoformat(timespec="seconds"),
         "command": command_line(),
         "options": {
-            "FILE" if name == "file" else option(name): (
-                str(value) if isinstance(value, Path) else value
-            )
+            "FILE" if name == "file" else option(name): _plain(value)
             for name, value in typed.items()
         },
         "inputs": inputs,
@@ -447,6 +445,10 @@ def _about(
             },
         },
     }
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
 
 
 def _report(typed: facts.Typed, identification: "Identification", console: "Console") -> None:

@@ -252,8 +252,8 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
                         lw=0.9,
                         label=None if n else f"{label}, 90 % by Laplace",
                     )
-        low = min(*k.median, *s.median)
-        high = max(*k.upper, *s.upper)
+        low = min(k.median.min(), s.median.min())
+        high = max(k.upper.max(), s.upper.max())
         label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
         low = ratio.median.min()
         high = ratio.median.max()

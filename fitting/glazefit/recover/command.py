@@ -241,14 +241,14 @@ def recover(
         if chosen := options.split_names(samples):
             films = films.select(chosen)
         progress.print_notes(console, file, films.notes)
-        # As rough as the spectra are; said where it is more than usual.
-        rough = usual_noise if stated_noise else estimate_noise(films)
-        if rough != usual_noise:
+        # As stated, or as rough as the spectra are, which is said where it is more than usual.
+        read_noise = usual_noise if stated_noise else estimate_noise(films)
+        if read_noise != usual_noise:
             console.print(
                 f"Noise of a reading R, estimated from how rough the spectra are: "
-                f"{rough.floor:.2g} + {rough.share:.2g} R (--noise, --noise-share)"
+                f"{read_noise.floor:.2g} + {read_noise.share:.2g} R (--noise, --noise-share)"
             )
-        fit_options["noise"] = rough
+        fit_options["noise"] = read_noise
         from .command_coats import are_coats, recover_from_coats
 
         if are_coats(films, measured):

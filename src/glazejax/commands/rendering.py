@@ -153,7 +153,8 @@ def render(
     opaque = paleness.ravel(), values[len(rows) :].ravel()
     ground = spectra[1]
     steps = spectra[3 + count :]
-    # Multiplied without the reflection from the surface, which no coat below it can change.
+    # R_0 (R_1/R)^n, each without the reflection from the surface, which no coat below it can
+    # change.
     surface = opaque[1][-1]
     bare, first, below = np.clip(spectra[[1, 2 + count, 3 + count]] - surface, 0.0, None)
     ratio = np.minimum(first, bare) / np.where(bare > 0, bare, 1.0)

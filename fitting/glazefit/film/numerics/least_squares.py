@@ -35,7 +35,7 @@ Point: TypeAlias = Float[np.ndarray, "n"]
 PerProblem: TypeAlias = Float[np.ndarray, "n"]
 """A number for each of many problems."""
 Positions: TypeAlias = Float[np.ndarray, "n m"]
-"""A number for each unknown of each problem."""
+"""Values of the unknowns of each problem, in NumPy."""
 
 
 def levenberg_marquardt(

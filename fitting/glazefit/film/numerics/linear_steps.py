@@ -15,7 +15,7 @@ LONGER = 3.5
 SHORTER = 0.25
 
 PerVariable: TypeAlias = Float[Array, "n m"]
-"""A number for each unknown of each problem."""
+"""A number for each unknown of each problem, in JAX."""
 PerRow: TypeAlias = Float[Array, "n rows"]
 """A number for each residual of each problem."""
 SlopeMatrices: TypeAlias = Float[Array, "n rows m"]

@@ -95,9 +95,8 @@ def _slopes(
             optics=task.optics,
             response=task.response,
         )
-        arrangement = Arrangement(
-            tuple(tuple(np.flatnonzero(coats[at][:size] == n).tolist()) for n in (0, 1))
-        )
+        upper, lower = (np.flatnonzero(coats[at][:size] == n).tolist() for n in (0, 1))
+        arrangement = Arrangement((tuple(upper), tuple(lower)))
         _, by_log = films.read_and_slopes(arrangement, np.exp(logs[at][None, :size]))
         errors = [*range(size), *range(sets.shape[-1], sets.shape[-1] + size)]
         slopes[*at, errors] = by_log[0]

@@ -155,6 +155,11 @@ def micrometres(metres: float) -> str:
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
+def _compared(measured: float, film: float) -> tuple[float, float] | tuple[str, str]:
+    """Cells of a film and of what is left; empty at bands where it is not computed."""
+    return ("", "") if np.isnan(film) else (film, measured - film)
+
+
 def write_residuals(identification: Identification, path: Path, *, overwrite: bool = False) -> None:
     """Write measured, fitted and residual spectra of the best explanations, a line a spectrum,
     ground and band; where families were searched, as the report draws them.
@@ -164,13 +169,12 @@ def write_residuals(identification: Identification, path: Path, *, overwrite: bo
     header = ("spectrum", "ground", "wavelength_nm", "measured", fitted, "residual")
     measured = identification.measured
     lines = (
-        # Empty at bands where a film is not computed.
-        (name, ground, f"{nm:g}", read, *(("", "") if np.isnan(film) else (film, read - film)))
+        (name, ground, f"{nm:g}", read, *_compared(read, film))
         for row, name in enumerate(measured.names)
         for best in explanations(identification, row, 1)
-        for ground, curves in enumerate(
+        for ground, (readings, films) in enumerate(
             zip(measured.readings[row], best.fitted, strict=True), start=1
         )
-        for nm, read, film in zip(measured.wavelengths, *curves, strict=True)
+        for nm, read, film in zip(measured.wavelengths, readings, films, strict=True)
     )
     write_table(path, header, lines, overwrite=overwrite)

@@ -123,7 +123,9 @@ def reflectance_factor(
         gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a
             mirror, which has no reflectance factor and is never in it.
     """
-    directions = np.broadcast_arrays(cos_in, cos_out, azimuth)
+    # In double precision: near a mirror's direction two numbers near one are subtracted.
+    angles = (np.asarray(x, float) for x in (cos_in, cos_out, azimuth))
+    directions = np.broadcast_arrays(*angles)
     mu_in, mu_out, turn = (np.atleast_1d(x) for x in directions)
     shape = (*directions[0].shape, 3)
     alpha, index = _base_surface(material)
@@ -156,7 +158,7 @@ def surface_albedo(
     The base's surface under a coat takes the coat's colour, along the path of a mirror reflection.
     """
     shape = (*np.shape(cos_out), 3)
-    mu = np.atleast_1d(cos_out)
+    mu = np.atleast_1d(np.asarray(cos_out, float))
     albedo = np.repeat(lobe_albedo(mu, *_base_surface(material))[..., None], 3, axis=-1)
     if material.coat_weight > 0:
         coat = material.coat_weight * lobe_albedo(mu, material.coat_roughness**2, material.coat_ior)

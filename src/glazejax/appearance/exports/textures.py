@@ -202,7 +202,11 @@ def _files(
     folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool
 ) -> dict[str, Path]:
     """Paths of all files, checked to be free."""
-    pictures = ["base_color", "roughness", *["coat_color"] * coat, *["height", "normal"] * relief]
+    pictures = ["base_color", "roughness"]
+    if coat:
+        pictures.append("coat_color")
+    if relief:
+        pictures += ["height", "normal"]
     files = {what: folder / f"{name}_{what}.{kind}" for what in pictures}
     files |= {
         "materialx": folder / f"{name}.mtlx",

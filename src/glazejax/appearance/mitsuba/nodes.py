@@ -198,6 +198,7 @@ def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> ErrorOfNodes:
         )
         factor = factor_of(black, through_in, through_out, terms.back[..., None], ground)
         weight = error_weight(a, b, surface.refractive_index)
+        # From (points, bands, pairs) to the truth's (points, pairs, bands).
         missed = np.abs(np.moveaxis(factor, -1, -2) - truth[0])
         return SAFETY * float(np.max(missed * weight[:, None]))
 

@@ -43,7 +43,7 @@ class Rough(SolvedSurface):
 
     def __init__(self, refractive_index: float, roughness: float):
         arguments: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
-        super().__init__(rough_reflectance_factor, 512, FINEST, **arguments)
+        super().__init__(rough_reflectance_factor, block=512, finest=FINEST, **arguments)
         self.roughness: float = roughness
         self._resolved = resolve(refractive_index, roughness, FINEST)
         air_table = self._resolved.operators().table

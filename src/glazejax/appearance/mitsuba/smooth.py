@@ -24,7 +24,9 @@ class Smooth(SolvedSurface):
     """
 
     def __init__(self, refractive_index: float):
-        super().__init__(stack_reflectance_factor, 4096, 0.0, refractive_index)
+        super().__init__(
+            stack_reflectance_factor, block=4096, finest=0.0, refractive_index=refractive_index
+        )
         self._steepest = float(
             np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
         )

@@ -21,7 +21,15 @@ ErrorOfNodes: TypeAlias = Callable[[np.ndarray], float]
 
 
 class SolvedSurface:
-    """A surface of a glaze, and the solver that computes light through it."""
+    """A surface of a glaze, and the solver that computes light through it.
+
+    Args:
+        solve: reflectance factors of stacks.
+        block: stacks that are solved at a time.
+        finest: least tolerance that `solve` takes.
+        refractive_index: of the paint.
+        options: further arguments of `solve`.
+    """
 
     def __init__(
         self,
