@@ -82,7 +82,6 @@ _RECORDED = {
     "none_makers": ("none", "makers", _OURS, "found"),
     "none_makers_angle": ("none", "makers", "spectral angle", "found"),
     "none_makers_pairs": ("none", "makers", _OURS, "auc"),
-    "none_references_pairs": ("references_none", "makers", "glazejax, references", "auc"),
     "mixed_bath": ("mixture", "bath", _OURS, "first"),
     "mixed_grillini": ("mixture", "grillini", _OURS, "first"),
     "mixed_bath_own": ("mixture", "bath", "glazejax, own paints", "first"),
