@@ -78,10 +78,7 @@ def with_facts(
     if not elements and not absent and painted is None:
         return search
     sets = [facts_of(names) for names in search.sets]
-    # Compared with a film of no pigment that is known, of which elements say nothing.
-    fits = log_odds_of_elements(sets, elements, absent)
-    fits -= log_odds_of_elements([()], elements, absent)
-    fits += log_odds_of_year(sets, painted)
+    fits = log_odds_of_elements(sets, elements, absent) + log_odds_of_year(sets, painted)
     return replace(search, log_prior=search.log_prior + fits)
 
 
@@ -96,8 +93,8 @@ def facts_of(names: Iterable[str]) -> list[Family]:
 def log_odds_of_elements(
     sets: Sequence[Sequence[Family]], detected: Sequence[str], absent: Sequence[str]
 ) -> Float[np.ndarray, "sets"]:
-    """Log of how well each set of families fits what was found, and what was looked for and not
-    found.
+    """Log of how much better each set of families fits what was found, and what was looked for and
+    not found, than a film of no pigment that is known does.
 
     Args:
         sets: families of each set.
@@ -111,16 +108,14 @@ def log_odds_of_elements(
     contradictory = [symbol for symbol in present if symbol in missing]
     if contradictory:
         raise ValueError(f"{contradictory[0]} is said to be found and not to be found")
-    out = np.zeros(len(sets))
-    for row, families in enumerate(sets):
-        elements = {element for family in families for element in family.elements}
-        for symbol in present:
-            if symbol not in LIGHT:
-                out[row] += np.log(1.0 - MISSED if symbol in elements else STRAY)
-        for symbol in missing:
-            if symbol not in LIGHT:
-                out[row] += np.log(MISSED if symbol in elements else 1.0 - STRAY)
-    return out
+    # What an element adds to the odds of a set that holds it.
+    gains = dict.fromkeys(present, np.log((1.0 - MISSED) / STRAY))
+    gains |= dict.fromkeys(missing, np.log(MISSED / (1.0 - STRAY)))
+    elements = [{e for family in families for e in family.elements} - LIGHT for families in sets]
+    return np.array(
+        [sum(gain for symbol, gain in gains.items() if symbol in heavy) for heavy in elements],
+        dtype=float,
+    )
 
 
 def log_odds_of_year(
