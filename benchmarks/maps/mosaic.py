@@ -26,7 +26,7 @@ from benchmarks.paintbench.spectra import GRID, on_grid
 from benchmarks.paintbench.tasks import is_right
 from benchmarks.results import Quantity, Results, command_line, percent, progress, quantity
 from benchmarks.rivals.namers import Classifier, Neighbours, Unmixing, namers
-from glazefit import map_cube
+from glazefit import IdentificationOptions, map_cube
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.set_up import search_families
 from glazefit.identify.result.groups import GROUPS
@@ -193,7 +193,8 @@ def _answers_of_map(panel: Panel, drawn: np.ndarray) -> list[Answer]:
 
 def _answers_to_spectra(panel: Panel, drawn: np.ndarray) -> list[Answer]:
     """What is said of the paint of some pixels from its spectrum as it was measured."""
-    search = search_families(panel.wavelengths, panel.pigments(), instrument="45:0")
+    options = IdentificationOptions(instrument="45:0")
+    search = search_families(panel.wavelengths, panel.pigments(), options)
     odds = search.odds(panel.spectra)
     of_paint = [
         answer_of_sets(name_sets(search, chances), float(none), bool(unlike) or none >= 0.5)

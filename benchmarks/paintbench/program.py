@@ -9,11 +9,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from benchmarks.kubelka_munk import KubelkaMunk
-from glazefit import Films, Identification, identify, predict_mixture, recover_jointly
+from glazefit import (
+    Films,
+    Identification,
+    IdentificationOptions,
+    identify,
+    predict_mixture,
+    recover_jointly,
+)
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
 from glazefit.film.partial_films import loose_films
-from glazefit.identify.families.evidence import with_facts
 from glazefit.identify.families.expected import EXPECTED
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.references import References, references_of
@@ -116,7 +122,7 @@ class FamilyCatalogue:
         for family in np.unique(unnamed.families):
             rows = np.flatnonzero(unnamed.families == family)
             found = about[family].elements if family in about else ()
-            known = with_facts(search, elements=found)
+            known = search.with_facts(IdentificationOptions(elements=found))
             readings = unnamed.readings[np.ix_(rows, bands)]
             for row, answer in zip(
                 rows, self._answers(known, readings, bands, unknown[rows]), strict=True
@@ -142,7 +148,7 @@ class FamilyCatalogue:
                 name_sets(search, chances), float(none), bool(unlike) or none >= 0.5
             )
             film = np.full(GRID.size, np.nan)
-            film[bands[search.compared.bands]] = body
+            film[bands[search.bands]] = body
             answers.append(replace(answer, film=film))
         return answers
 
@@ -152,8 +158,9 @@ class FamilyCatalogue:
             self._searches[key] = search_families(
                 GRID[bands],
                 self._pigments,
-                instrument=self._instrument,
-                prior=_OF_TWO if pairs else EXPECTED,
+                IdentificationOptions(
+                    instrument=self._instrument, prior=_OF_TWO if pairs else EXPECTED
+                ),
             )
         return self._searches[key]
 

@@ -26,6 +26,7 @@ from glazefit.identify.families.expected import has_families
 from glazefit.identify.families.sureness import WORTHLESS, Sureness
 from glazefit.identify.families.varnish import CONDITIONS
 from glazefit.identify.result.groups import COLOURLESS, GROUPS, group_of
+from glazefit.identify.search.options import IdentificationOptions
 from glazejax import Pigment, catalogue, colour, stack_reflectance_factor
 
 from ..refusals import refusal
@@ -188,7 +189,7 @@ def test_exemplars_that_do_not_know_a_band_are_missing_there(shelf):
 
 @pytest.fixture(scope="module")
 def found_search(others):
-    return set_up.search_families(GRID, others, instrument="45:0")
+    return set_up.search_families(GRID, others, IdentificationOptions(instrument="45:0"))
 
 
 @pytest.mark.parametrize("instrument", ["d:8", "de:8", "45:0"])
@@ -216,28 +217,28 @@ def test_a_teal_is_no_white(others):
 @pytest.fixture(scope="module")
 def search(shelf):
     """Of all sources, for one paint."""
-    return set_up.search_families(GRID, shelf, max_paints=1)
+    return set_up.search_families(GRID, shelf, IdentificationOptions(max_paints=1))
 
 
 def made_of(search, families):
     """Which of the films that are compared are of these families alone."""
     chosen = np.append(np.isin(search.families, families), True)
-    return chosen[search.members[search.compared.sets]].all(axis=1)
+    return chosen[search.members[search.set_of]].all(axis=1)
 
 
 def test_a_light_grey_is_no_black(search):
     """A zinc white over black had the slopes of a thin coat of a warm black over white."""
     blacks = made_of(search, GROUPS["a black"])
-    light = blacks & (np.asarray(search.compared.colours)[:, 0] > 50.0)
+    light = blacks & (np.asarray(search.colours)[:, 0] > 50.0)
     assert light.any()
-    possible = search._possible(search.compared.templates.readings[light])
+    possible = search._possible(search.templates.readings[light])
     assert not possible[:, blacks].any()
     assert possible.any(axis=1).all()
 
 
 def test_a_yellow_is_no_extender(search, shelf):
     """Barium sulphate was read in a yellowed oil: its films that hide have a chroma of 32."""
-    templates = search.compared.templates
+    templates = search.templates
     extender = shelf[[paint.name for paint in shelf].index("barium sulphate/revigo-BariumSulphate")]
     body = templates.readings[templates.members[:, 0] == search.exemplars.index(extender)]
     lightness, red, yellow = colour.lab(GRID, body[0])
@@ -253,7 +254,7 @@ def test_the_film_of_an_answer_has_the_gloss_of_its_reading(found_search, others
     """A matte surface reflects more to 45:0 than films are computed with: that is no other
     colour.
     """
-    bodies = found_search.compared.templates.readings
+    bodies = found_search.templates.readings
     dark = bodies[bodies.min(axis=1) < 0.015][::997]
     assert len(dark) > 3
     matte = 0.03 + 0.97 * dark
@@ -272,9 +273,9 @@ def test_probabilities_are_probabilities(found_search):
 
 
 def test_a_hidden_family_is_in_no_answer(found_search):
-    films = found_search.compared
-    whole = np.interp(GRID, GRID[films.bands], films.templates.readings[0])[None]
-    family = found_search.family_of[films.templates.members[0, 0]]
+    films = found_search.templates
+    whole = np.interp(GRID, found_search.grid, films.readings[0])[None]
+    family = found_search.family_of[films.members[0, 0]]
     hidden = np.zeros((1, len(found_search.families)), bool)
     hidden[0, family] = True
     odds = found_search.odds(whole, hidden=hidden)
@@ -287,7 +288,7 @@ def test_exemplars_of_a_source_that_is_left_out_are_not_compared(found_search):
     readings, rows = calibration.exemplars_as_readings(found_search)
     own = found_search.source_of[rows[:5]]
     _, seen, _ = found_search.compare(readings[:5], own)
-    of_members = np.append(found_search.source_of, -1)[found_search.compared.templates.members]
+    of_members = np.append(found_search.source_of, -1)[found_search.templates.members]
     for row, source in enumerate(own):
         assert np.isneginf(seen[row, (of_members == source).any(axis=1)]).all()
 
@@ -362,7 +363,7 @@ def test_few_known_exemplars_are_refused(found_search):
 
 def test_exemplars_of_one_source_teach_no_sureness(shelf):
     own = [paint for paint in shelf if paint.source == "hyppigments"]
-    found = set_up.search_families(GRID, own, max_paints=1)
+    found = set_up.search_families(GRID, own, IdentificationOptions(max_paints=1))
     assert found.sureness == calibration._UNTAUGHT
     odds = found.odds(calibration.exemplars_as_readings(found)[0][:3])
     assert np.isfinite(odds.sets).all()
@@ -540,7 +541,8 @@ def test_facts_say_nothing_of_a_family_that_the_catalogue_does_not_have(found_se
     (unknown,) = found_search.sets[0]
     names = ["lake of my own" if name == unknown else name for name in found_search.families]
     search = replace(found_search, families=tuple(names))
-    told = evidence.with_facts(search, elements=("Cu",), absent=("Co",), painted=1620)
+    facts = IdentificationOptions(elements=("Cu",), without_elements=("Co",), painted=1620)
+    told = search.with_facts(facts)
     assert told.log_prior[0] == pytest.approx(search.log_prior[0])
     known = [n for n, families in enumerate(search.sets) if "lake of my own" not in families]
     assert not np.allclose(told.log_prior[known], search.log_prior[known])

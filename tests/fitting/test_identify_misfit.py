@@ -8,9 +8,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import identify
-from glazefit.identify.families.features import with_one_gloss
-from glazefit.identify.families.identify_pigments import usual_misfit
-from glazefit.identify.families.misfit import at_brightness_of, relative_misfit
+from glazefit.identify.families.features import (
+    at_brightness_of,
+    relative_misfit,
+    with_one_gloss,
+)
+from glazefit.identify.families.misfit import usual_misfit
 from glazefit.identify.result.groups import answer_of
 from glazefit.identify.result.table import table_of
 from glazefit.identify.search.options import IdentificationOptions

@@ -15,6 +15,7 @@ from glazefit.identify.families.references import (
     references_of,
 )
 from glazefit.identify.result.groups import FamilySet
+from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.terminal import _own_references
 from glazejax import catalogue, stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.catalogue.colour_index import colour_indices, family_named
@@ -258,11 +259,12 @@ def test_references_do_not_teach_how_far_paints_are_apart(shelf, odd):
     """Ten readings of one tube are nearer to one another than paints of two makers."""
     noise = np.random.default_rng(7).normal(0.0, 1e-4, (10, GRID.size))
     read = references({f"PV14, reading {n}": odd + row for n, row in enumerate(noise)})
+    options = IdentificationOptions(instrument="45:0", max_paints=1)
     alone, beside = (
-        set_up.search_families(GRID[VISIBLE], paints, instrument="45:0", max_paints=1)
+        set_up.search_families(GRID[VISIBLE], paints, options)
         for paints in (shelf, [*shelf, *read.pigments])
     )
-    for metric, other in zip(alone.compared.metrics, beside.compared.metrics, strict=True):
+    for metric, other in zip(alone.metrics, beside.metrics, strict=True):
         assert_array_equal(metric.whiten, other.whiten)
 
 

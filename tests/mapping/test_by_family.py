@@ -5,7 +5,7 @@ import pytest
 
 from glazefit import identify, set_labels
 from glazefit.film.shared_bands import SEARCHED, means_of_steps
-from glazefit.identify.families import identify_pigments
+from glazefit.identify.families import set_up
 from glazefit.identify.families.references import read_references
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.mapping.family_facts import describe_sets
@@ -49,7 +49,7 @@ KNOWN = {"instrument": "45:0", "painted": 1900, "elements": ("Cu",)}
 @pytest.fixture(scope="module")
 def made(cube, paints, tmp_path_factory):
     """A map, what it said on the way, and where it lies."""
-    identify_pigments._SEARCHES.clear()
+    set_up._SEARCHES.clear()
     said = Said()
     out = tmp_path_factory.mktemp("map") / "map.zarr"
     found = map_cube(cube, paints, opaque=True, out=out, progress=said, **KNOWN)

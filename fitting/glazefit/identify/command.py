@@ -255,7 +255,7 @@ def _identify(
             bands = expected_bands(identification, searcher.task)
             record = make_record(identification, bands, about, task.names, top)
         else:
-            from .families.identify_pigments import usual_misfit
+            from .families.misfit import usual_misfit
             from .show.family_record import make_family_record
 
             record = make_family_record(

@@ -21,7 +21,7 @@ from glazejax.progress import Progress, no_progress
 from ..film.films import Noise
 from ..film.model.mixing import Pigments
 from ..film.noise import spectra_noise
-from ..identify.families.identify_pigments import prepare_search
+from ..identify.families.set_up import prepare_search
 from ..identify.search.options import SearchKeywords, check_keywords
 from ..identify.search.searcher import Searcher
 from .solve.agreement import agreement

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize
 
-from glazejax.progress import Progress, no_progress
+from glazejax.progress import Progress
 from glazejax.radiative.common.chunks import pieces_of
 
 from ...film.numerics.weighted import numbers_at
@@ -32,16 +32,16 @@ _SLOPE_SD = 1.0
 _SOUGHT = 4
 
 
-def calibrate(
+def learn_sureness(
     search: FamilySearch,
     change: Callable[[FilmCurves], FilmCurves] | None,
-    progress: Progress = no_progress,
-) -> FamilySearch:
-    """The same search, as sure as what is said of its exemplars comes true: each is searched among
+    progress: Progress,
+) -> Sureness:
+    """Sureness with which what a search says of its exemplars comes true: each is searched among
     those of other sources, with its family and without.
 
     Args:
-        search: with all that it compares.
+        search: with all that it compares; how sure it is does not count.
         change: of readings without the surface's part, by what varies from film to film, such as a
             varnish; None where nothing does.
         progress: called with readings that are searched.
@@ -57,7 +57,7 @@ def calibrate(
     of_others = search.source_of != sources[:, None]
     comparable = (of_others & (search.family_of == truth[:, None])).any(axis=1)
     if not comparable.any():  # Of a family by one hand nothing can be learnt.
-        return replace(search, sureness=_UNTAUGHT)
+        return _UNTAUGHT
     has_family = (search.members == truth[:, None, None]).any(axis=-1)
     named = right_sets(search)[truth]
     weights = _weights(search, sources, truth)
@@ -88,8 +88,7 @@ def calibrate(
         log_densities(np.where(has_family, -np.inf, logs), density),
         (weights[comparable], weights),
     )
-    sureness = replace(sureness, slopes=slopes, intercept=intercept, least=least)
-    return replace(search, sureness=sureness)
+    return replace(sureness, slopes=slopes, intercept=intercept, least=least)
 
 
 def learn_power(
@@ -188,12 +187,11 @@ def exemplars_as_readings(
     search: FamilySearch,
 ) -> tuple[Float[np.ndarray, "exemplars bands"], PerExemplar]:
     """One film of each exemplar, on all bands; beyond those that are compared, as at the last."""
-    films = search.compared
-    pure = np.flatnonzero(films.templates.members[:, 1] < 0)
-    rows, first = np.unique(films.templates.members[pure, 0], return_index=True)
-    grid = search.wavelengths[films.bands]
+    films = search.templates
+    pure = np.flatnonzero(films.members[:, 1] < 0)
+    rows, first = np.unique(films.members[pure, 0], return_index=True)
     readings = [
-        np.interp(search.wavelengths, grid, reading) + search.surface
-        for reading in films.templates.readings[pure[first]]
+        np.interp(search.wavelengths, search.grid, reading) + search.surface
+        for reading in films.readings[pure[first]]
     ]
     return np.array(readings), rows

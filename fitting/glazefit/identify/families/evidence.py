@@ -7,8 +7,6 @@ been retouched, so nothing is ruled out.
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +14,6 @@ from jaxtyping import Float
 from glazejax import catalogue
 from glazejax.catalogue import Family
 from glazejax.names import nearest_hint
-
-if TYPE_CHECKING:
-    from .search import FamilySearch
 
 MISSED = 0.1
 """Probability that an element of a pigment in the film is not found."""
@@ -56,30 +51,6 @@ def check_elements(symbols: Sequence[str]) -> tuple[str, ...]:
                 f"there is no element {symbol!r}{hint}; write symbols such as Cu, Pb, Hg"
             )
     return tuple(dict.fromkeys(symbols))
-
-
-def with_facts(
-    search: "FamilySearch",
-    *,
-    elements: Sequence[str] = (),
-    absent: Sequence[str] = (),
-    painted: int | None = None,
-) -> "FamilySearch":
-    """The same search with odds of its sets that hold what else is known of a painting.
-
-    Args:
-        search: among families.
-        elements, absent: chemical symbols that were found, and looked for and not found.
-        painted: year, negative before Christ; None if it is not known.
-
-    Raises:
-        ValueError: no such element, or one that is in both.
-    """
-    if not elements and not absent and painted is None:
-        return search
-    sets = [facts_of(names) for names in search.sets]
-    fits = log_odds_of_elements(sets, elements, absent) + log_odds_of_year(sets, painted)
-    return replace(search, log_prior=search.log_prior + fits)
 
 
 def facts_of(names: Iterable[str]) -> list[Family]:

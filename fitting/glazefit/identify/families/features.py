@@ -106,3 +106,35 @@ def features(wavelengths: Bands, readings: Reflectances) -> SpectrumFeatures:
         slope / np.sqrt(np.sum(slope**2, axis=-1, keepdims=True) + _FLAT**2) for slope in slopes
     ]
     return np.concatenate([*slopes, *shapes, absorbance.min(axis=-1, keepdims=True)], axis=-1)
+
+
+def at_brightness_of(reading: Bands, film: Bands) -> tuple[Bands, float]:
+    """A computed film at the gloss and brightness of a reading, at the bands that are compared, and
+    what its brightness was multiplied by.
+
+    Args:
+        reading: reflectance factors.
+        film: the same; where it is not known, NaN or held as at the last band that is.
+    """
+    finite = np.flatnonzero(np.isfinite(film))
+    changes = np.flatnonzero(np.diff(film[finite]))
+    compared = finite[changes[0] : changes[-1] + 2] if changes.size else finite
+    # Both as the search compares them, their gloss at one level.
+    body = with_one_gloss(reading[compared])
+    film_body = with_one_gloss(film[compared])
+    scale = float(body @ film_body / (film_body @ film_body))
+    out = np.full(film.shape, np.nan)
+    out[compared] = reading[compared] - body + scale * film_body
+    return out, scale
+
+
+def relative_misfit(reading: Bands, film: Bands) -> Bands:
+    """A reading less a film at its gloss and brightness, in shares of the reading's brightest band
+    above its gloss; args as for `at_brightness_of`.
+    """
+    return (reading - at_brightness_of(reading, film)[0]) / brightest(reading)
+
+
+def brightest(reading: Bands) -> float:
+    """Unit of a reading's misfits: its brightest band, its gloss at one level."""
+    return float(with_one_gloss(reading).max())

@@ -3,31 +3,25 @@ most like them as evidence.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import ArrayLike
 
 from glazejax import Pigment
-from glazejax.geometry import resolve_instrument
-from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.chunks import pieces_of
-from glazejax.spectra import Bands, describe_grid, validate_wavelengths
+from glazejax.spectra import describe_grid, validate_wavelengths
 
 from ...film.films import Noise
-from ...film.model.mixing import digest
 from ...film.shared_bands import SEARCHED
 from ..result import Identification
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
 from ..search.searcher import check_spectra
 from ..search.task import Measured
-from .evidence import log_odds_of_elements, with_facts
-from .expected import EXPECTED
-from .misfit import UsualMisfit, misfit_of_right_answers
+from .evidence import log_odds_of_elements
 from .naming import name_sets
 from .search import FamilySearch
-from .set_up import search_families
+from .set_up import prepare_search
 from .templates import usual_coat
 
 # Spectra that are answered together, so that progress can be shown.
@@ -80,84 +74,6 @@ def identify_families(
         yield Identification.join(identifications).take(order)
 
 
-def usual_misfit(
-    identification: Identification, pigments: Sequence[Pigment], options: IdentificationOptions
-) -> UsualMisfit | None:
-    """Usual misfit of films of right answers to readings like those of an identification.
-
-    Args:
-        identification: by `identify_families`; of several grounds the first one counts.
-        pigments, options: of that.
-    """
-    ground = None if identification.opaque else identification.measured.grounds[0, 0]
-    # What is known of one painting is not of the exemplars.
-    alone = replace(options, elements=(), without_elements=(), painted=None)
-    search = prepare_search(identification.measured.wavelengths, pigments, alone, ground)
-    return misfit_of_right_answers(search)
-
-
-_SEARCHES: dict[tuple[object, ...], FamilySearch] = {}
-"""The last searches that were set up, since that takes some seconds."""
-_MOST_SEARCHES = 4
-
-
-def prepare_search(
-    grid: Bands,
-    pigments: Sequence[Pigment],
-    options: IdentificationOptions,
-    ground: Bands | None,
-    progress: Progress = no_progress,
-) -> FamilySearch:
-    """The search among the families of some exemplars, set up or of those that were set up last.
-
-    Args:
-        grid: wavelengths of the readings, (bands,), nm, in steps of `SEARCHED` or more.
-        pigments, options: of `identify_families`.
-        ground: internal reflectance below the films, (bands,), or None for films that hide it.
-        progress: called as it is set up.
-    """
-    instrument = resolve_instrument(options.instrument)
-    prior = options.prior or EXPECTED
-    varnish = options.varnish or "none"
-    arrays = [
-        values
-        for paint in pigments
-        for values in (paint.wavelengths, paint.absorption, paint.scattering)
-    ]
-    key = (
-        tuple(grid.tolist()),
-        tuple((paint.name, paint.family, paint.source) for paint in pigments),
-        digest(*arrays),
-        instrument,
-        prior,
-        min(options.max_paints, 2),
-        varnish,
-    )
-    # How sure a search may be does not hang on the ground: it is learnt over the first one.
-    similar = [search for (*settings, _), search in _SEARCHES.items() if tuple(settings) == key]
-    key = (*key, None if ground is None else tuple(ground.tolist()))
-    if key not in _SEARCHES:
-        if len(_SEARCHES) >= _MOST_SEARCHES:
-            _SEARCHES.pop(next(iter(_SEARCHES)))
-        _SEARCHES[key] = search_families(
-            grid,
-            pigments,
-            ground=ground,
-            instrument=instrument,
-            prior=prior,
-            max_paints=min(options.max_paints, 2),
-            varnish=varnish,
-            sureness=similar[0].sureness if similar and ground is not None else None,
-            progress=progress,
-        )
-    return with_facts(
-        _SEARCHES[key],
-        elements=options.elements,
-        absent=options.without_elements,
-        painted=options.painted,
-    )
-
-
 def _identification(
     search: FamilySearch, measured: Measured, options: IdentificationOptions, opaque: bool
 ) -> Identification:
@@ -168,8 +84,8 @@ def _identification(
     odds = search.odds(readings)
     best = np.argsort(-odds.sets, axis=1, kind="stable")[:, : options.keep]
     at = np.arange(len(measured))[:, None], best
-    templates = search.compared.templates
-    grid = search.wavelengths[search.compared.bands]
+    templates = search.templates
+    grid = search.grid
     # The best sets of each spectrum as candidates, each by its best film.
     shape = best.shape
     template = odds.best[at]

@@ -6,7 +6,7 @@ paint at all (`metric.py`). What it is worth is learnt from the exemplars (`sure
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
@@ -19,7 +19,9 @@ from glazejax.spectra import Bands
 
 from ...film.numerics.columns import Columns
 from ..result.groups import COLOURLESS, GROUPS, answer_of
+from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY, PerSpectrum
+from .evidence import facts_of, log_odds_of_elements, log_odds_of_year
 from .features import colours, surface_in, views, with_one_gloss
 from .metric import Metric, as_columns, squares_between
 from .sureness import PerFamilySet, PerSet, Sureness, log_sum
@@ -45,27 +47,6 @@ LIGHTEST_BLACK = 50.0
 _IMPOSSIBLE = -30.0
 # Comparisons of readings with templates that are held at a time.
 _COMPARISONS = 3_000_000
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compared:
-    """Films that readings are compared with, and how.
-
-    Attributes:
-        bands: of the readings, at which they are compared.
-        metrics: of each view of a spectrum.
-        templates: films of all exemplars and of their mixtures.
-        points: of the templates in each metric (`metric.as_columns`).
-        colours: of the templates; None where the bands do not hold the visible.
-        sets: number of each template's set of families, ascending.
-    """
-
-    bands: Bool[np.ndarray, "bands"]
-    metrics: tuple[Metric, ...]
-    templates: Templates
-    points: tuple[Float[np.ndarray, "components+2 templates"], ...]
-    colours: Float[np.ndarray, "templates 3"] | None
-    sets: Int[np.ndarray, "templates"]
 
 
 def points_in(
@@ -130,7 +111,12 @@ class FamilySearch:
         members: families of each set by number, `NOBODY` for none, (sets, 2).
         log_prior: of each set.
         unknown: prior probability that it is none of them.
-        compared: films that readings are compared with.
+        bands: of the readings, at which they are compared with films.
+        metrics: of each view of a spectrum.
+        templates: films of all exemplars and of their mixtures.
+        points: of the templates in each metric (`metric.as_columns`).
+        colours: of the templates; None where the bands do not hold the visible.
+        set_of: number of each template's set of families, ascending.
         surface: what the outer surface adds to readings.
         sureness: what evidence is worth.
     """
@@ -143,7 +129,12 @@ class FamilySearch:
     members: Int[np.ndarray, "sets 2"]
     log_prior: PerFamilySet
     unknown: float
-    compared: Compared
+    bands: Bool[np.ndarray, "bands"]
+    metrics: tuple[Metric, ...]
+    templates: Templates
+    points: tuple[Float[np.ndarray, "components+2 templates"], ...]
+    colours: Float[np.ndarray, "templates 3"] | None
+    set_of: Int[np.ndarray, "templates"]
     surface: float
     sureness: Sureness
 
@@ -185,6 +176,21 @@ class FamilySearch:
             chunks.append(chunk)
         return FamilyOdds.join(chunks)
 
+    def with_facts(self, options: IdentificationOptions) -> "FamilySearch":
+        """The same search with odds of its sets that hold what else is known of a painting:
+        elements, and the year.
+
+        Raises:
+            ValueError: no such element, or one that was found and not found.
+        """
+        elements, absent = options.elements, options.without_elements
+        if not elements and not absent and options.painted is None:
+            return self
+        sets = [facts_of(names) for names in self.sets]
+        fits = log_odds_of_elements(sets, elements, absent)
+        fits += log_odds_of_year(sets, options.painted)
+        return replace(self, log_prior=self.log_prior + fits)
+
     @cached_property
     def sets(self) -> list[list[str]]:
         """Names of each set's families."""
@@ -201,7 +207,12 @@ class FamilySearch:
     @property
     def chunk(self) -> int:
         """Readings that are compared at a time."""
-        return max(1, _COMPARISONS // len(self.compared.templates))
+        return max(1, _COMPARISONS // len(self.templates))
+
+    @property
+    def grid(self) -> Bands:
+        """Wavelengths at which readings are compared with films, nm."""
+        return self.wavelengths[self.bands]
 
     def compare(
         self, readings: ReadSpectra, sources: Sources | None
@@ -210,20 +221,19 @@ class FamilySearch:
         (-inf where one may not be used), and which of these may have their colour; arguments as for
         `odds`.
         """
-        films = self.compared
         body = self.body(readings)
-        points = points_in(films.metrics, self.wavelengths[films.bands], body[:, films.bands])
+        points = points_in(self.metrics, self.grid, body[:, self.bands])
         # Views are not independent: their mean, a logarithmic pool (Genest and Zidek,
         # Statistical Science 1 (1986) 114), says what both say.
-        evidence = np.zeros((len(body), len(films.templates)), dtype=np.float32)
-        for metric, places, references in zip(films.metrics, points, films.points, strict=True):
+        evidence = np.zeros((len(body), len(self.templates)), dtype=np.float32)
+        for metric, places, references in zip(self.metrics, points, self.points, strict=True):
             evidence += metric.log_evidence(places, references)
-        evidence /= len(films.metrics)
+        evidence /= len(self.metrics)
         if sources is not None:
-            of_members = np.append(self.source_of, NOBODY)[films.templates.members]
+            of_members = np.append(self.source_of, NOBODY)[self.templates.members]
             same_source = (of_members[None] == sources[:, None, None]).any(axis=-1)
             evidence = np.where(same_source, -np.inf, evidence)
-        return films.metrics[0].log_any_paint(points[0]), evidence, self._possible(body)
+        return self.metrics[0].log_any_paint(points[0]), evidence, self._possible(body)
 
     def gloss(self, readings: ReadSpectra) -> PerSpectrum:
         """Share of a smooth surface's reflection that is in each reading, 1 or less
@@ -239,9 +249,9 @@ class FamilySearch:
         """Readings of computed films with as much gloss as is in each reading, at the bands that
         are compared.
         """
-        bands = self.compared.bands
+        bands = self.bands
         gloss = readings[:, bands] - with_one_gloss(self.body(readings)[:, bands])
-        return with_one_gloss(self.compared.templates.readings[templates]) + gloss[:, None]
+        return with_one_gloss(self.templates.readings[templates]) + gloss[:, None]
 
     def body(self, readings: ReadSpectra) -> ReadSpectra:
         """Readings without the surface's part."""
@@ -251,11 +261,10 @@ class FamilySearch:
         """True where a template may have the colour of a reading without the surface's part; all
         may where no visible range was read.
         """
-        films = self.compared
-        read = colours(self.wavelengths[films.bands], body[:, films.bands])
-        if read is None or films.colours is None:
-            return np.ones((len(body), len(films.templates)), dtype=bool)
-        possible = squares_between(read, as_columns(films.colours)) <= ANOTHER_COLOUR**2
+        read = colours(self.grid, body[:, self.bands])
+        if read is None or self.colours is None:
+            return np.ones((len(body), len(self.templates)), dtype=bool)
+        possible = squares_between(read, as_columns(self.colours)) <= ANOTHER_COLOUR**2
         # Whites, extenders and blacks have hardly a chroma of their own, and one that shows is not
         # theirs.
         chroma = np.hypot(read[:, 1:2], read[:, 2:])
@@ -267,7 +276,7 @@ class FamilySearch:
     def _made_of(self, names: Collection[str]) -> Bool[np.ndarray, "templates"]:
         """True for templates that hold none but some families."""
         families = np.append([name in names for name in self.families], True)
-        return np.asarray(families[self.members[self.compared.sets]].all(axis=1))
+        return np.asarray(families[self.members[self.set_of]].all(axis=1))
 
     def _sum_by_set(self, evidence: PerTemplate, possible: Possible, power: float) -> "_SetSums":
         """Evidence of templates, tempered by a power, averaged over each set's."""
@@ -295,7 +304,7 @@ class FamilySearch:
         deviation of the fraction of its first family.
         """
         starts, counts = self._by_set
-        fraction = self.compared.templates.fractions[:, 0]
+        fraction = self.templates.fractions[:, 0]
         totals = np.maximum(sums.sums, 1e-30)
         mean = np.add.reduceat(sums.weights * fraction, starts, axis=1) / totals
         mean = np.clip(mean, 0.0, 1.0)  # Sums of single precision have errors in the last digit.
@@ -313,6 +322,5 @@ class FamilySearch:
     @cached_property
     def _by_set(self) -> tuple[Int[np.ndarray, "sets"], Int[np.ndarray, "sets"]]:
         """Where the templates of each set start, and how many there are."""
-        sets = self.compared.sets
-        starts = np.flatnonzero(np.diff(np.append(-1, sets)))
-        return starts, np.diff(np.append(starts, len(sets)))
+        starts = np.flatnonzero(np.diff(np.append(-1, self.set_of)))
+        return starts, np.diff(np.append(starts, len(self.set_of)))

@@ -15,28 +15,21 @@ from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.spectra import Bands
 
-from ...film.films import InstrumentLike
-from ...film.model.errors import Prior
-from ...film.model.response import FilmResponse, film_response
+from ...film.model.mixing import digest
+from ...film.model.response import film_response
 from ...film.model.varnish import under_varnish
 from ..result.groups import COLOURLESS
+from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
-from .calibration import calibrate
+from .calibration import learn_sureness
 from .expected import EXPECTED
 from .features import colours, views
 from .metric import as_columns, learn_metric
-from .search import Compared, FamilySearch, points_in
+from .search import FamilySearch, points_in
 from .stand_ins import with_stand_ins
 from .sureness import PerFamilySet, Sureness
-from .templates import (
-    Coefficients,
-    PerExemplar,
-    Templates,
-    coefficients,
-    mixed_templates,
-    pure_templates,
-)
-from .varnish import CONDITIONS, Varnish
+from .templates import Templates, coefficients, mixed_templates, pure_templates
+from .varnish import CONDITIONS
 
 # Share of the exemplars that must know a band that is compared: what fewer know, such as the bands
 # beyond 1000 nm, says less of how far paints of one family are apart than it costs.
@@ -56,15 +49,57 @@ _FIRST = 415.0
 _FILMS = 8192
 
 
+_SEARCHES: dict[tuple[object, ...], FamilySearch] = {}
+"""The last searches that were set up, since that takes some seconds."""
+_MOST_SEARCHES = 4
+
+
+def prepare_search(
+    wavelengths: Bands,
+    pigments: Sequence[Pigment],
+    options: IdentificationOptions,
+    ground: Bands | None,
+    progress: Progress = no_progress,
+) -> FamilySearch:
+    """The search of `search_families` with what else is known of a painting, set up or of those
+    that were set up last; arguments as for that.
+    """
+    arrays = [
+        values
+        for paint in pigments
+        for values in (paint.wavelengths, paint.absorption, paint.scattering)
+    ]
+    settings = (
+        digest(wavelengths, *arrays),
+        tuple((paint.name, paint.family, paint.source) for paint in pigments),
+        options.instrument,
+        options.prior,
+        options.max_paints,
+        options.varnish,
+    )
+    # How sure a search may be does not hang on the ground: it is learnt over the first one.
+    similar = [search for (*asked, _), search in _SEARCHES.items() if tuple(asked) == settings]
+    key = (*settings, None if ground is None else tuple(ground.tolist()))
+    if key not in _SEARCHES:
+        if len(_SEARCHES) >= _MOST_SEARCHES:
+            _SEARCHES.pop(next(iter(_SEARCHES)))
+        _SEARCHES[key] = search_families(
+            wavelengths,
+            pigments,
+            options,
+            ground,
+            sureness=similar[0].sureness if similar and ground is not None else None,
+            progress=progress,
+        )
+    return _SEARCHES[key].with_facts(options)
+
+
 def search_families(
     wavelengths: Bands,
     pigments: Sequence[Pigment],
-    *,
+    options: IdentificationOptions,
     ground: Bands | None = None,
-    instrument: InstrumentLike | None = None,
-    prior: Prior = EXPECTED,
-    max_paints: int = 2,
-    varnish: str = "none",
+    *,
     sureness: Sureness | None = None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
@@ -74,11 +109,9 @@ def search_families(
     Args:
         wavelengths: of the readings, (bands,), nm, ascending; there may be gaps.
         pigments: exemplars, each with a family and a source.
+        options: of the identification: instrument, prior, varnish, and films of one or of two
+            pigments.
         ground: internal reflectance below the films, (bands,); None if they hide their ground.
-        instrument: as for `glazefit.identify`.
-        prior: how probable films of one and of two pigments are, and of none of the families.
-        max_paints: 1 or 2.
-        varnish: what is stated of it, a name of `varnish.CONDITIONS`.
         sureness: of another search among the same exemplars, over another ground; by default it
             is learnt.
         progress: called as films are computed, and as sureness is learnt.
@@ -86,9 +119,11 @@ def search_families(
     Raises:
         ValueError: no two exemplars of a family cover the readings' bands.
     """
-    seen_by = resolve_instrument(instrument)
-    response = film_response(seen_by)
-    cover = CONDITIONS[varnish]
+    instrument = resolve_instrument(options.instrument)
+    prior = options.prior or EXPECTED
+    response = film_response(instrument)
+    varnish = CONDITIONS[options.varnish or "none"]
+    max_paints = min(options.max_paints, 2)
     families = tuple(sorted({pigment.family for pigment in pigments}, key=str.casefold))
     family_of = np.array([families.index(pigment.family) for pigment in pigments])
     _, source_of = np.unique([pigment.source for pigment in pigments], return_inverse=True)
@@ -102,17 +137,64 @@ def search_families(
     bands, teaches = _shared_bands(wavelengths, np.isfinite(k_and_s[0]), teaches)
 
     progress(0, 1, "computing films")
-    compared, members = _films_to_compare(
-        wavelengths[bands],
-        with_stand_ins(k_and_s[:, :, bands], family_of),
-        bands=bands,
-        teaches=teaches,
-        family_of=family_of,
-        response=response,
-        ground=None if ground is None else ground[bands],
-        mixed=max_paints > 1,
-        varnish=cover,
+    grid = wavelengths[bands]
+    below = None if ground is None else ground[bands]
+    k_and_s = with_stand_ins(k_and_s[:, :, bands], family_of)
+    # Exemplars that are known there, and the family of each.
+    exemplars = np.flatnonzero(np.isfinite(k_and_s[0]).all(axis=1))
+    k_and_s = k_and_s[:, exemplars]
+    film_families = family_of[exemplars]
+
+    def cover(films: Templates) -> Templates:
+        if varnish is None:
+            return films
+        expected = varnish.expected(grid)
+        return replace(films, readings=under_varnish(response, films.readings, expected))
+
+    # One spectrum of each paint teaches how far paints are apart: all of one thickness come first.
+    pure = pure_templates(k_and_s, response, below)
+    taught = teaches[exemplars]
+    bodies = pure.readings[: len(exemplars)][taught]
+    pure = cover(pure)
+    view_features = views(grid, pure.readings[: len(exemplars)])
+    view_differences = (
+        [features[:0] for features in view_features]
+        if varnish is None
+        else varnish.differences(response, grid, bodies)
     )
+    metrics = tuple(
+        learn_metric(
+            values[taught],
+            film_families[taught],
+            differences,
+            components=round((grid[-1] - grid[0]) / width),
+        )
+        for values, differences, width in zip(
+            view_features, view_differences, _COMPONENTS, strict=True
+        )
+    )
+
+    groups = [pure]
+    if max_paints > 1:
+        mixtures = mixed_templates(
+            k_and_s, film_families, metrics[0].place(view_features[0]), response, below
+        )
+        groups.append(cover(mixtures))
+    templates = Templates.join(groups)
+    # Sets of one family come first: `NOBODY` is less than any number.
+    pairs = np.sort(np.append(film_families, NOBODY)[templates.members], axis=1)
+    members, set_of = np.unique(pairs, axis=0, return_inverse=True)
+    members = np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
+    # NumPy 2.0 gives the numbers of rows another shape.
+    set_of = set_of.ravel()
+    # Set by set, so that sums over one are of neighbours.
+    order = np.argsort(set_of, kind="stable")
+    templates = templates.take(order)
+    templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
+    # Some films at a time: they have far more features.
+    chunks = [
+        points_in(metrics, grid, readings) for readings in pieces_of(templates.readings, _FILMS)
+    ]
     search = FamilySearch(
         wavelengths=wavelengths,
         families=families,
@@ -122,106 +204,19 @@ def search_families(
         members=members,
         log_prior=_log_prior(members, prior.sizes[:max_paints], families),
         unknown=prior.unknown,
-        compared=compared,
-        surface=seen_by.seen_surface,
-        sureness=sureness or Sureness(),
-    )
-    if sureness is not None:
-        return search
-    change = cover and functools.partial(cover.exchange_at_random, response, wavelengths)
-    return calibrate(search, change, progress)
-
-
-def _films_to_compare(
-    wavelengths: Bands,
-    k_and_s: Coefficients,
-    *,
-    bands: Bool[np.ndarray, "all_bands"],
-    teaches: Bool[np.ndarray, "exemplars"],
-    family_of: PerExemplar,
-    response: FilmResponse,
-    ground: Bands | None,
-    mixed: bool,
-    varnish: Varnish | None,
-) -> tuple[Compared, Int[np.ndarray, "sets 2"]]:
-    """Films of all exemplars and of their mixtures, and the metrics that they are compared in; and
-    the families of each set that has films.
-
-    Args:
-        wavelengths: at which they are compared.
-        k_and_s: k and s of all exemplars there, NaN for those that are known nowhere.
-        bands: of the readings, which these are.
-        teaches: exemplars that the metric is learnt from.
-        family_of: number of each exemplar's family.
-        response: of the instrument.
-        ground: below the films, or None.
-        mixed: whether films of two families are tried.
-        varnish: that may lie on them.
-    """
-
-    def cover(films: Templates) -> Templates:
-        if varnish is None:
-            return films
-        expected = varnish.expected(wavelengths)
-        return replace(films, readings=under_varnish(response, films.readings, expected))
-
-    exemplars = np.flatnonzero(np.isfinite(k_and_s[0]).all(axis=1))
-    k_and_s = k_and_s[:, exemplars]
-    families = family_of[exemplars]
-    taught = teaches[exemplars]
-    pure = pure_templates(k_and_s, response, ground)
-    # One spectrum of each paint teaches how far paints are apart: all of one thickness come first.
-    one_of_each = slice(len(exemplars))
-    bodies = pure.readings[one_of_each][taught]
-    pure = cover(pure)
-    view_features = views(wavelengths, pure.readings[one_of_each])
-    view_differences = (
-        [features[:0] for features in view_features]
-        if varnish is None
-        else varnish.differences(response, wavelengths, bodies)
-    )
-    metrics = tuple(
-        learn_metric(
-            values[taught],
-            families[taught],
-            differences,
-            components=round((wavelengths[-1] - wavelengths[0]) / width),
-        )
-        for values, differences, width in zip(
-            view_features, view_differences, _COMPONENTS, strict=True
-        )
-    )
-
-    groups = [pure]
-    if mixed:
-        mixtures = mixed_templates(
-            k_and_s, families, metrics[0].place(view_features[0]), response, ground
-        )
-        groups.append(cover(mixtures))
-    templates = Templates.join(groups)
-    # Sets of one family come first: `NOBODY` is less than any number.
-    pairs = np.sort(np.append(families, NOBODY)[templates.members], axis=1)
-    members, sets = np.unique(pairs, axis=0, return_inverse=True)
-    # NumPy 2.0 gives the numbers of rows another shape.
-    sets = sets.ravel()
-    # Set by set, so that sums over one are of neighbours.
-    order = np.argsort(sets, kind="stable")
-    templates = templates.take(order)
-    templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
-    # Some films at a time: they have far more features.
-    chunks = [
-        points_in(metrics, wavelengths, readings)
-        for readings in pieces_of(templates.readings, _FILMS)
-    ]
-    compared = Compared(
         bands=bands,
         metrics=metrics,
         templates=templates,
         points=tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True)),
-        colours=colours(wavelengths, templates.readings),
-        sets=sets[order],
+        colours=colours(grid, templates.readings),
+        set_of=set_of[order],
+        surface=instrument.seen_surface,
+        sureness=sureness or Sureness(),
     )
-    return compared, np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
+    if sureness is not None:
+        return search
+    change = varnish and functools.partial(varnish.exchange_at_random, response, wavelengths)
+    return replace(search, sureness=learn_sureness(search, change, progress))
 
 
 def _log_prior(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..families.misfit import at_brightness_of
+from ..families.features import at_brightness_of
 from ..result import Identification
 from ..result.groups import answer_of
 

@@ -9,7 +9,8 @@ import numpy as np
 from glazejax import catalogue
 
 from ..families.evidence import describe_anachronism, facts_of
-from ..families.misfit import UsualMisfit, brightest, relative_misfit
+from ..families.features import brightest, relative_misfit
+from ..families.misfit import UsualMisfit
 from ..result import Identification
 from .explanation import Explanation, explanations
 from .record import Record, describe_run, describe_spot, round_spectra
