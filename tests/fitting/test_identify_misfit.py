@@ -18,8 +18,8 @@ from glazefit.identify.result.groups import answer_of
 from glazefit.identify.result.table import table_of
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
-from glazefit.identify.show.family_record import make_family_record, table_rows
 from glazefit.identify.show.figures import fits_to_draw, plot_axes
+from glazefit.identify.show.record import make_family_record, table_of_record
 from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment
 
@@ -184,7 +184,7 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     assert high >= np.max(spot["measured"]) + np.max(spot["usual_band"][0][-3:])
     assert high >= max(value for fit in fits for value in fit["fitted"][0] if value is not None)
     assert text.count('class="usual"') == 2
-    rows = list(table_rows(filed))
+    rows = list(table_of_record(filed)[1])
     assert rows[0][-1] == " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
     far = {**fits[0], "misfit": 2 * usual.nine_tenths}
     further = {**filed, "spots": [{**spot, "explanations": [far, *fits[1:]]}]}

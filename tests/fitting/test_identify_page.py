@@ -21,7 +21,7 @@ from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
 from glazefit.identify.show.figures import plot_axes
 from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
-from glazefit.identify.show.record import make_record, table_rows
+from glazefit.identify.show.record import make_record, table_of_record
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files
 from glazefit.page.plot import PlotAxes
@@ -171,7 +171,8 @@ def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
     assert filed == record(found)
     lines = read_rows(table)
     assert len(lines) == 2 * 2 * 2
-    assert [["" if cell is None else str(cell) for cell in row] for row in table_rows(filed)] == [
+    _, rows = table_of_record(filed)
+    assert [["" if cell is None else str(cell) for cell in row] for row in rows] == [
         list(line.values()) for line in lines
     ]
     best = found.ranked(1, 1)[0]

@@ -256,7 +256,7 @@ def _identify(
             record = make_record(identification, bands, about, task.names, top)
         else:
             from .families.misfit import usual_misfit
-            from .show.family_record import make_family_record
+            from .show.record import make_family_record
 
             record = make_family_record(
                 identification,

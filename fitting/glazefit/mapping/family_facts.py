@@ -15,7 +15,7 @@ from ..identify.result import Identification
 from ..identify.result.groups import answer_of
 from ..identify.search.options import IdentificationOptions
 from ..identify.show.explanation import explanations
-from ..identify.show.family_record import describe_film, describe_pigments
+from ..identify.show.record import describe_film, describe_pigments
 from .show.names import paint_names
 from .show.overview import shown_sets
 from .store.chunk import Members, SetSums

@@ -15,9 +15,8 @@ from ...page.subject import TITLES, beside
 from ...page.templates import fill_template
 from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
-from . import family_record, record
 from .figures import fits_to_draw, plot_axes
-from .record import Record
+from .record import Record, by_family, table_of_record
 from .terminal import micrometres
 
 DRAWN = 60
@@ -44,19 +43,20 @@ def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[P
     )
     # All is made before anything is written, so that no table accompanies an older page.
     html = "".join(page(filed, table.name, data.name)).encode("utf-8", "xmlcharrefreplace")
-    of = family_record if _by_family(filed) else record
-    cells = table_bytes(of.COLUMNS, of.table_rows(filed))
+    cells = table_bytes(*table_of_record(filed))
     write_files({table: [cells], data: [text.encode()], path: [html]}, overwrite=overwrite)
     return table, data
 
 
 def page(filed: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files next to it."""
-    by_family = _by_family(filed)
+    template, kind = (
+        ("family_page", "Pigments") if by_family(filed) else ("page", "Paint identification")
+    )
     # Of a spot's tables, what is printed on its page; the screen has all.
     return fill_template(
-        f"identify/show/{'family_page' if by_family else 'page'}.html",
-        title=f"{'Pigments' if by_family else 'Paint identification'}: {filed['title']}",
+        f"identify/show/{template}.html",
+        title=f"{kind}: {filed['title']}",
         subject={TITLES[name]: text for name, text in filed["subject"].items()},
         record=filed,
         table_name=table,
@@ -72,10 +72,6 @@ def page(filed: Record, table: str, data: str) -> Iterator[str]:
         printed_fits=3,
         printed_paints=8,
     )
-
-
-def _by_family(filed: Record) -> bool:
-    return filed["schema"]["name"] == family_record.SCHEMA["name"]
 
 
 def _micrometres(value: float) -> str:

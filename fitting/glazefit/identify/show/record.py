@@ -1,26 +1,32 @@
-"""All that is filed of an identification, in plain numbers and words, for the page, the table and
-the JSON.
+"""All that is filed of an identification, by paint or by family, in plain numbers and words:
+for the page, the table and the JSON.
 """
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
+from glazejax import catalogue
 from glazejax.colour import srgb
 from glazejax.plots import hex_colour
 from glazejax.spectra import describe_grid
 
+from ..families.evidence import describe_anachronism, facts_of
+from ..families.features import brightest, relative_misfit
+from ..families.misfit import UsualMisfit
 from ..result import Candidate, Identification
 from .ambiguity import describe_ambiguity, describe_undecided
+from .explanation import Explanation, explanations
 from .ruled_out import IMPROBABLE, LEAST_SHARE, ruled_out
 
 Record: TypeAlias = dict[str, Any]
 """Numbers and words by name, as pages and JSON have them."""
 SCHEMA = {"name": "glazejax identify report", "version": 1}
+FAMILY_SCHEMA = {"name": "glazejax identify families report", "version": 2}
 _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 
 
@@ -45,6 +51,37 @@ def make_record(
         **describe_run(identification, about, names),
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
         "spots": [_spot(identification, bands, row, top) for row in range(len(identification))],
+    }
+
+
+def make_family_record(
+    identification: Identification,
+    about: Record,
+    names: Sequence[str],
+    top: int,
+    *,
+    painted: int | None,
+    usual: UsualMisfit | None,
+) -> Record:
+    """All that is filed, as JSON has it.
+
+    Args:
+        identification: with `family_sets`.
+        about, names: as for `make_record`.
+        top: answers of each spectrum.
+        painted: year in which it was painted, if that is known.
+        usual: how far films of right answers are off, if any is known.
+    """
+    return {
+        "schema": FAMILY_SCHEMA,
+        **describe_run(identification, about, names),
+        "painted": painted,
+        "usual_misfit": usual
+        and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
+        "spots": [
+            _family_spot(identification, row, top, painted=painted, usual=usual)
+            for row in range(len(identification))
+        ],
     }
 
 
@@ -158,6 +195,83 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> Re
     }
 
 
+def _family_spot(
+    identification: Identification,
+    row: int,
+    top: int,
+    *,
+    painted: int | None,
+    usual: UsualMisfit | None,
+) -> Record:
+    answers = identification.family_sets[row][:top]
+    named = dict.fromkeys(
+        family
+        for answer in answers
+        for name in answer.families
+        for family in dict(answer.within.get(name, ((name, 1.0),)))
+    )
+    reading = identification.measured.readings[row]
+    counts = identification.came_true(row)
+    return {
+        **describe_spot(identification, row),
+        "in_tests": counts and {"right": counts[0], "answers": counts[1]},
+        "usual_band": usual and round_spectra(usual.band[None] * brightest(reading[0])),
+        "families": [
+            {
+                "rank": rank,
+                "words": answer.words,
+                "families": list(answer.families),
+                "within": {name: dict(shares) for name, shares in answer.within.items()},
+                "probability": answer.probability,
+                "anachronism": describe_anachronism(answer.families, painted),
+            }
+            for rank, answer in enumerate(answers, start=1)
+        ],
+        "pigments": describe_pigments(named),
+        "explanations": [
+            describe_film(film, reading[0]) for film in explanations(identification, row, top)
+        ],
+    }
+
+
+def describe_pigments(names: Iterable[str]) -> list[Record]:
+    """Describe families; names of groups are left out."""
+    return [
+        {
+            "family": family.name,
+            "formula": family.formula,
+            "elements": list(family.elements),
+            "colour_index": family.colour_index,
+            "in_use": family.in_use,
+        }
+        for family in facts_of(names)
+    ]
+
+
+def describe_film(film: Explanation, reading: np.ndarray) -> Record:
+    """A film that stands for an answer, and whose paints it is of.
+
+    Args:
+        film: of an answer.
+        reading: with which it is drawn, (bands,).
+    """
+    provenance = catalogue.provenance()
+    facts = ("source", "binder", "citation")
+    off = relative_misfit(reading, film.fitted[0])
+    return {
+        "words": film.words,
+        "probability": film.probability,
+        "scale": film.scale,
+        "misfit": float(np.sqrt(np.nanmean(off**2))),
+        "paints": [
+            # A user's own paint has none.
+            {"name": name, **{fact: getattr(provenance.get(name), fact, "") for fact in facts}}
+            for name in film.paints
+        ],
+        "fitted": round_spectra(film.fitted),
+    }
+
+
 def describe_colours(identification: Identification, row: int) -> dict[str, list[str]] | None:
     """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands
     give no colour.
@@ -216,9 +330,31 @@ COLUMNS = (
 """Of the table next to a page: a line for each paint of each explanation; low and high end 90 %
 intervals.
 """
+FAMILY_COLUMNS = (
+    "spot",
+    "explained",
+    "none_of_these",
+    "rank",
+    "families",
+    "probability",
+    "right_in_tests",
+    "not_of_the_year",
+    "nearest_exemplars",
+)
+"""Of the table next to a page of families: a line for each answer."""
 
 
-def table_rows(record: Record) -> Iterator[list[object]]:
+def by_family(record: Record) -> bool:
+    """True for a record of families."""
+    return record["schema"]["name"] == FAMILY_SCHEMA["name"]
+
+
+def table_of_record(record: Record) -> tuple[tuple[str, ...], Iterator[list[object]]]:
+    """Titles and rows of the table next to a page."""
+    return (FAMILY_COLUMNS, _family_rows(record)) if by_family(record) else (COLUMNS, _rows(record))
+
+
+def _rows(record: Record) -> Iterator[list[object]]:
     """Cells of `COLUMNS`; None where there is no number."""
     for spot in record["spots"]:
         for film in spot["explanations"]:
@@ -244,3 +380,25 @@ def table_rows(record: Record) -> Iterator[list[object]]:
                     paint["amount_um"],
                     *(paint["amount_90_um"] or (None, None)),
                 ]
+
+
+def _family_rows(record: Record) -> Iterator[list[object]]:
+    """Cells of `FAMILY_COLUMNS`."""
+    for spot in record["spots"]:
+        tests = spot["in_tests"]
+        near = {
+            film["words"]: " + ".join(paint["name"] for paint in film["paints"])
+            for film in spot["explanations"]
+        }
+        for answer in spot["families"]:
+            yield [
+                spot["name"],
+                spot["explained"],
+                spot["none_of_these"],
+                answer["rank"],
+                answer["words"],
+                answer["probability"],
+                f"{tests['right']} of {tests['answers']}" if tests and answer["rank"] == 1 else "",
+                answer["anachronism"],
+                near.get(" + ".join(answer["families"]), ""),
+            ]
