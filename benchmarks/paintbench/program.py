@@ -171,13 +171,7 @@ def answer_of_sets(sets: Sequence[FamilySet], none: float, refused: bool) -> Ans
     """
     return Answer(
         ranked=tuple(
-            tuple(
-                tuple(family for family, _ in answer.within[name])
-                if name in answer.within
-                else (name,)
-                for name in answer.families
-            )
-            for answer in sets
+            tuple(tuple(answer.shares(name)) for name in answer.families) for answer in sets
         ),
         chances=tuple(answer.probability for answer in sets),
         doubt=none,

@@ -59,13 +59,17 @@ class FamilySet:
     @property
     def words(self) -> str:
         """Such as ``azurite + a white (lead white 60 %, chalk 30 %)``."""
-        return " + ".join(
-            f"{name} ({', '.join(shares)})" if len(shares := self._shares(name)) > 1 else name
-            for name in self.families
-        )
+        return " + ".join(map(self._words_of, self.families))
 
-    def _shares(self, name: str) -> list[str]:
-        """Families of a group that have a share of it, each with its share; none of a family."""
-        return [
-            f"{family} {share:.0%}" for family, share in self.within.get(name, ()) if share >= 0.005
+    def _words_of(self, name: str) -> str:
+        """A name with the families of its group that have a share of it, where several have."""
+        shares = [
+            f"{family} {share:.0%}" for family, share in self.shares(name).items() if share >= 0.005
         ]
+        return f"{name} ({', '.join(shares)})" if len(shares) > 1 else name
+
+    def shares(self, name: str) -> dict[str, float]:
+        """Families that one of its names stands for, each with its share: of a family itself
+        alone.
+        """
+        return dict(self.within.get(name, ((name, 1.0),)))

@@ -205,10 +205,7 @@ def _family_spot(
 ) -> Record:
     answers = identification.family_sets[row][:top]
     named = dict.fromkeys(
-        family
-        for answer in answers
-        for name in answer.families
-        for family in dict(answer.within.get(name, ((name, 1.0),)))
+        family for answer in answers for name in answer.families for family in answer.shares(name)
     )
     reading = identification.measured.readings[row]
     counts = identification.came_true(row)

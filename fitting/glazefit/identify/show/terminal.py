@@ -106,8 +106,7 @@ def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
     """
     if answer is None:
         return []
-    families = {family for shares in answer.within.values() for family, _ in shares}
-    families.update(answer.families)
+    families = {family for name in answer.families for family in answer.shares(name)}
     own_paints = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
     return [name for family, _, name in own_paints if family in families]
 

@@ -111,7 +111,7 @@ class FamilySearcher:
             return
         for answer in sets:
             for name in answer.families:
-                shares = dict(answer.within.get(name, ((name, 1.0),)))
+                shares = answer.shares(name)
                 # The group of a family that was distinguished is as probable as the family.
                 shares.setdefault(group_of(name), 1.0)
                 for family, share in shares.items():
