@@ -18,7 +18,7 @@ from glazefit.identify.result.groups import answer_of
 from glazefit.identify.result.table import table_of
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
-from glazefit.identify.show.figures import fits_to_draw, plot_axes
+from glazefit.identify.show.page import fits_to_draw, plot_axes
 from glazefit.identify.show.record import make_family_record, table_of_record
 from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment

@@ -19,8 +19,7 @@ from glazefit.identify.result import STRENGTH
 from glazefit.identify.result.odds import CoatsOdds
 from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.task import Measured
-from glazefit.identify.show.figures import plot_axes
-from glazefit.identify.show.page import DRAWN, LISTED, page, write_page
+from glazefit.identify.show.page import DRAWN, LISTED, page, plot_axes, write_page
 from glazefit.identify.show.record import make_record, table_of_record
 from glazefit.identify.show.ruled_out import ruled_out
 from glazefit.page.inputs import input_files

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit.identify.families.stand_ins import with_stand_ins
+from glazefit.identify.families.templates import with_stand_ins
 
 RNG = np.random.default_rng(3)
 K_AND_S = np.exp(RNG.normal(10.0, 1.0, (2, 5, 8)))

@@ -26,9 +26,14 @@ from .expected import EXPECTED
 from .features import colours, views
 from .metric import as_columns, learn_metric
 from .search import FamilySearch, points_in
-from .stand_ins import with_stand_ins
 from .sureness import PerFamilySet, Sureness
-from .templates import Templates, coefficients, mixed_templates, pure_templates
+from .templates import (
+    Templates,
+    coefficients,
+    mixed_templates,
+    pure_templates,
+    with_stand_ins,
+)
 from .varnish import CONDITIONS
 
 # Share of the exemplars that must know a band that is compared: what fewer know, such as the bands

@@ -20,7 +20,7 @@ from ..search.chunk import Chunk, diagonal_covariance
 from ..search.pool import NOBODY
 from ..search.refine import paints_covariance, slopes_at, slopes_by_amount
 from ..search.task import IdentificationTask
-from .figures import FITS
+from .explanation import FITS
 
 
 def expected_bands(

@@ -9,6 +9,8 @@ from ..families.features import at_brightness_of
 from ..result import Identification
 from ..result.groups import answer_of
 
+FITS = 3
+"""Explanations that are drawn, at most."""
 LEAST = 0.001
 """Of the first one's probability: a less probable explanation would only stretch the axes."""
 

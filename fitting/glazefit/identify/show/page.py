@@ -4,18 +4,20 @@ identification.
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from glazejax.io.write import table_bytes, write_files
 
+from ...page.plot import PlotAxes
 from ...page.subject import TITLES, beside
 from ...page.templates import fill_template
 from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
-from .figures import fits_to_draw, plot_axes
+from .explanation import FITS, LEAST
 from .record import Record, by_family, table_of_record
 from .terminal import micrometres
 
@@ -84,3 +86,34 @@ def _micrometres(value: float) -> str:
     if value >= 0.095:
         return micrometres(value * 1e-6)
     return np.format_float_positional(value, precision=1, fractional=False, trim="-")
+
+
+def fits_to_draw(explanations: Sequence[Record]) -> list[Record]:
+    """The first explanations of a spot that are worth a line."""
+    return [
+        explanation
+        for explanation in explanations[:FITS]
+        if explanation["probability"] >= LEAST * explanations[0]["probability"]
+    ]
+
+
+def plot_axes(record: Record, spot: Record) -> dict[str, Any]:
+    """Axes of the spectra and of what the fits leave, and that itself, (fits, grounds, bands)."""
+    grid = np.asarray(record["measurement"]["wavelengths_nm"])
+    measured = np.asarray(spot["measured"])
+    fits = fits_to_draw(spot["explanations"])
+    fitted = np.array([fit["fitted"] for fit in fits], dtype=float)
+    residuals = measured - fitted
+    usual = np.array(spot.get("usual_band") or 0.0, dtype=float)
+    high = np.nanmax([*fitted.ravel(), *measured.ravel(), *(measured + usual).ravel()])
+    off = float(np.nanmax(np.abs(residuals), initial=0.0))
+    # A band that is far wider than what is left fills the plot, so that what is left can be seen.
+    band = float(np.max(fits[0].get("band_90") or 0.0)) if fits else 0.0
+    most = max(1.15 * off, min(1.05 * band, 5.0 * off), 0.01)
+    return {
+        "spectra": PlotAxes(grid=grid, low=0.0, high=max(0.01, 1.05 * float(high))),
+        # Several grounds have a low plot each.
+        "residuals": PlotAxes(grid=grid, low=-most, high=most, most=7 if len(measured) == 1 else 5),
+        "left": residuals,
+        "off": float(np.nanmax(np.abs(residuals[:1]), initial=0.0)),
+    }
