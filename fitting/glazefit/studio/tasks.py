@@ -6,7 +6,8 @@ Each takes what is asked for and a function that takes words about the progress.
 points `glazejax.studio`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from glazejax import Pigment, catalogue, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
+from glazejax.paint.describe import MAX_THICKNESS, Coat
 from glazejax.spectra import Bands, lie_between
 from glazejax.stacks import (
     BLACK,
@@ -23,6 +25,7 @@ from glazejax.stacks import (
     own_name,
     pigment_to_dict,
     stack_from_dict,
+    stack_to_dict,
 )
 from glazejax.studio.page_data import entry
 
@@ -89,9 +92,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
             "cautions": "; ".join(f"{name}: {why}" for name, why in recipe.cautions.items()),
             "in_gamut": recipe.in_gamut,
             "rgb": _rgb(recipe.wavelengths, recipe.reflectance),
-            "stack": _stack(
-                request, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]
-            ),
+            "stack": _with_coats(stack, recipe.coats),
         }
         for recipe in best_recipes
     ]
@@ -155,10 +156,10 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
             finished_chunks.append(chunk)
             report(f"{sum(map(len, finished_chunks))} of {len(table.names)} spectra")
         result = Identification.join(finished_chunks)
-    return {"spectra": [_describe_spectrum(request, result, row) for row in range(len(result))]}
+    return {"spectra": [_describe_spectrum(stack, result, row) for row in range(len(result))]}
 
 
-def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[str, Any]:
+def _describe_spectrum(stack: Stack, identification: Any, row: int) -> dict[str, Any]:
     """One spectrum's list, 'none of these' in its place."""
     grid = identification.measured.wavelengths
     listed = []
@@ -169,17 +170,22 @@ def _describe_spectrum(request: Request, identification: Any, row: int) -> dict[
             thick = 1e-4
             sized = "hides its ground, "
         coats = []
-        for coat in range(max(candidate.coats) + 1):
-            mine = [i for i in range(len(candidate.paints)) if candidate.coats[i] == coat]
-            fractions = {candidate.paints[i]: float(candidate.fractions[i]) for i in mine}
-            coats.append(_coat(fractions, thick * sum(fractions.values())))
+        for number in range(max(candidate.coats) + 1):
+            shares = {
+                paint: float(candidate.fractions[i])
+                for i, paint in enumerate(candidate.paints)
+                if candidate.coats[i] == number
+            }
+            parts = tuple((round(share, 4), paint) for paint, share in shares.items())
+            size = min(thick * sum(shares.values()), MAX_THICKNESS)
+            coats.append(Coat(parts, float(f"{size:.4g}"), 1))
         listed.append(
             {
                 "words": candidate.words,
                 "fit": f"{sized}fit error {candidate.rmse:.3f}",
                 "probability": float(candidate.probability),
                 "rgb": _rgb(grid, np.atleast_2d(candidate.fitted)[-1]),
-                "stack": _stack(request, coats),
+                "stack": _with_coats(stack, coats),
             }
         )
     none = float(identification.none[row])
@@ -268,21 +274,11 @@ def _table(request: Request) -> SpectraTable:
     return SpectraTable(grid, names, values)
 
 
-def _coat(fractions: Mapping[str, float], thickness: float) -> dict[str, Any]:
-    weights = {name: round(float(weight), 4) for name, weight in fractions.items()}
-    return {"paint": weights, "um": float(f"{min(thickness * 1e6, 1e4):.4g}")}
-
-
-def _stack(request: Request, coats: list[dict[str, Any]]) -> dict[str, Any]:
+def _with_coats(stack: Stack, coats: Sequence[Coat]) -> dict[str, Any]:
     """The page's stack with other coats, and the own paints that they need."""
-    named = {name for coat in coats for name in coat["paint"]}
-    own_paints = {
-        name: paint for name, paint in request["stack"].get("pigments", {}).items() if name in named
-    }
-    setting = {key: request["stack"][key] for key in ("ground", "refractive_index", "geometry")}
-    return {"glazejax": "stack", "version": 1, **setting, "coats": coats} | (
-        {"pigments": own_paints} if own_paints else {}
-    )
+    named = {name for coat in coats for _, name in coat.parts}
+    own_paints = {name: paint for name, paint in stack.pigments.items() if name in named}
+    return stack_to_dict(replace(stack, coats=tuple(coats), hidden=(), pigments=own_paints))
 
 
 def _rgb(grid: Bands, reflectance: Bands) -> list[int] | None:
