@@ -9,7 +9,7 @@ from jaxtyping import ArrayLike
 
 from glazejax import Pigment
 from glazejax.radiative.common.chunks import pieces_of
-from glazejax.spectra import describe_grid, validate_wavelengths
+from glazejax.spectra import describe_grid, lie_between, validate_wavelengths
 
 from ...film.films import Noise
 from ...film.shared_bands import SEARCHED
@@ -50,7 +50,7 @@ def identify_families(
     measured = check_spectra(grid, spectra, ground, names, options.noise or Noise())
     first = min(float(paint.wavelengths[0]) for paint in pigments)
     last = max(float(paint.wavelengths[-1]) for paint in pigments)
-    if np.sum((grid >= first) & (grid <= last)) < 3:
+    if lie_between(grid, first, last).sum() < 3:
         raise ValueError(
             f"the spectra have {describe_grid(grid)} and the pigments are known from {first:g} to "
             f"{last:g} nm: no three bands lie there"
@@ -64,7 +64,8 @@ def identify_families(
     measured = measured.in_steps(SEARCHED)
     for some in pieces_of(np.arange(len(measured)), _CHUNK):
         batch = measured.take(some)
-        groups = [np.arange(len(batch))] if opaque else batch.by_grounds()
+        # Films that hide their ground share one that is not seen.
+        groups = batch.by_grounds()
         identifications = []
         for rows in groups:
             below = None if opaque else batch.grounds[rows[0], 0]
@@ -91,21 +92,17 @@ def _identification(
     template = odds.best[at]
     pair = templates.members[template]
     present = pair != NOBODY
-    members = np.full((*shape, 3), NOBODY)
-    members[..., :2] = pair
+    members = np.insert(pair, 2, NOBODY, axis=-1)
     # A film that hides its ground is of no thickness: shown as a usual coat.
     coat = templates.thickness[template]
     depth = usual_coat(search.exemplars) * np.where(np.isinf(coat), 1.0, coat)
     share = np.where(present[..., 1], odds.fraction[at], 1.0)
-    amounts = np.zeros((*shape, 3))
-    amounts[..., :2] = depth[..., None] * np.stack([share, 1.0 - share], axis=-1)
+    shares = np.stack([share, 1.0 - share, np.zeros(shape)], axis=-1)
     # Half of the variance of the log odds of the fractions to each log amount.
     spread = odds.fraction_sd[at] / np.maximum(share * (1.0 - share), 1e-6)
     variance = np.where(present[..., 1], 0.5 * spread**2, 0.0)
-    covariance = np.zeros((*shape, 3, 3))
-    covariance[..., :2, :2] = variance[..., None, None] * np.eye(2)
     # Between the bands that are compared, and a little beyond them.
-    near = (search.wavelengths >= grid[0] - _EDGE) & (search.wavelengths <= grid[-1] + _EDGE)
+    near = lie_between(search.wavelengths, grid[0] - _EDGE, grid[-1] + _EDGE)
     between = [np.interp(search.wavelengths[near], grid, row) for row in np.eye(grid.size)]
     fitted = np.full((*shape, 1, readings.shape[1]), np.nan)
     fitted[:, :, 0, near] = search.films(template, readings) @ np.array(between)
@@ -118,9 +115,9 @@ def _identification(
         measured=measured,
         paints=tuple(paint.name for paint in search.exemplars),
         members=members,
-        coats=np.zeros(members.shape, dtype=int),
-        amounts=amounts,
-        log_covariance=covariance,
+        coats=np.zeros_like(members),
+        amounts=depth[..., None] * shares,
+        log_covariance=variance[..., None, None] * np.diag([1.0, 1.0, 0.0]),
         probability=probability,
         none=odds.none,
         misfit=-odds.evidence,

@@ -171,10 +171,7 @@ def mixed_templates(
         families: number of each exemplar's family.
         points: of the exemplars in the metric, by which those that are mixed are chosen.
     """
-    chosen = [
-        typical(points[families == family], np.flatnonzero(families == family))
-        for family in np.unique(families)
-    ]
+    chosen = [typical(points, np.flatnonzero(families == family)) for family in np.unique(families)]
     pairs = [
         pair
         for two_families in itertools.combinations(chosen, 2)
@@ -187,11 +184,13 @@ def mixed_templates(
     return _over(coefficients, response, members, fractions, ground, levels)
 
 
-def typical(points: Float[np.ndarray, "own components"], rows: Int[np.ndarray, "own"]) -> list[int]:
-    """Exemplars that stand for a family: the one nearest to the others, and the one furthest from
-    that among the nearer half.
+def typical(
+    points: Float[np.ndarray, "exemplars components"], rows: Int[np.ndarray, "own"]
+) -> list[int]:
+    """Exemplars that stand for a family, of those that are of it: the one nearest to the others,
+    and the one furthest from that among the nearer half.
     """
-    distances = np.sqrt(np.sum((points[:, None] - points) ** 2, axis=-1))
+    distances = np.sqrt(np.sum((points[rows][:, None] - points[rows]) ** 2, axis=-1))
     middle = int(np.median(distances, axis=1).argmin())
     out = [int(rows[middle])]
     if len(rows) > 2:
