@@ -157,15 +157,14 @@ def search_families(
         return replace(films, readings=under_varnish(response, films.readings, expected))
 
     # One spectrum of each paint teaches how far paints are apart: all of one thickness come first.
-    pure = pure_templates(k_and_s, response, below)
+    pure = cover(pure_templates(k_and_s, response, below))
     taught = teaches[exemplars]
-    bodies = pure.readings[: len(exemplars)][taught]
-    pure = cover(pure)
-    view_features = views(grid, pure.readings[: len(exemplars)])
+    bodies = pure.readings[: len(exemplars)]
+    view_features = views(grid, bodies)
     view_differences = (
         [features[:0] for features in view_features]
         if varnish is None
-        else varnish.differences(response, grid, bodies)
+        else varnish.differences(response, grid, bodies[taught])
     )
     metrics = tuple(
         learn_metric(

@@ -68,17 +68,12 @@ class Varnish:
         self, response: FilmResponse, wavelengths: Bands, bodies: FilmCurves
     ) -> tuple[Float[np.ndarray, "draws features"], ...]:
         """Change of each view of spectra where other varnishes than the expected one lie on them;
-        arguments as for `exchange_at_random`, but bodies without any varnish.
+        arguments as for `exchange_at_random`.
         """
         repeated = np.repeat(bodies, _DRAWS, axis=0)
-        varied, expected = (
-            views(wavelengths, under_varnish(response, repeated, thickness))
-            for thickness in (
-                self.at_random(wavelengths, len(repeated)),
-                self.expected(wavelengths),
-            )
-        )
-        return tuple(features - usual for features, usual in zip(varied, expected, strict=True))
+        varied = self.exchange_at_random(response, wavelengths, repeated)
+        pairs = zip(views(wavelengths, varied), views(wavelengths, repeated), strict=True)
+        return tuple(features - usual for features, usual in pairs)
 
 
 def _of_amounts(**chances: float) -> Varnish:
