@@ -304,7 +304,7 @@ def test_power_and_sharpness_undo_what_is_too_sure():
     found = calibration.learn_power(log_sets, np.zeros(4), right, np.ones(4000))
     assert found.power == 0.33
     assert found.sharpness == 1.0
-    stated = found.share(log_sets[0.33], np.zeros((1, 4))).max(axis=1)
+    stated = found.share(log_sets[0.33], np.zeros(4)).max(axis=1)
     first = log_sets[0.33].argmax(axis=1) == truth
     assert stated.mean() == pytest.approx(first.mean(), abs=0.02)
 
@@ -344,7 +344,7 @@ def test_an_unusual_reading_owes_its_evidence_to_how_unusual_it_is():
 
 def test_evidence_is_sometimes_worthless():
     log_sets = np.array([[500.0, 0.0, -np.inf]])
-    shares = Sureness().share(log_sets, np.log([[0.2, 0.2, 0.6]]))
+    shares = Sureness().share(log_sets, np.log([0.2, 0.2, 0.6]))
     assert shares.sum() == pytest.approx(1.0)
     assert shares[0, 1] == pytest.approx(WORTHLESS / 2)
     assert shares[0, 2] == 0.0

@@ -74,7 +74,7 @@ class CoatedFilms(NamedTuple):
             # Scattering optical thickness of a coat that hides what is below: 200.
             depths[-1] = depths[-1] * (200.0 / scattering)
         over = [
-            coat_body(self.response, depths[0][0], depths[0][1], 1.0, ground)
+            coat_body(self.response, depths[0][0], depths[0][1], ground)
             if len(depths) == 1
             else _solve(np.stack(depths, axis=-1), ground, self.optics)
             for ground in self.grounds

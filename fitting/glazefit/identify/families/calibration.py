@@ -107,7 +107,7 @@ def learn_power(
     """
 
     def score(choice: Sureness) -> float:
-        shares = choice.share(log_sets[choice.power], log_prior[None])
+        shares = choice.share(log_sets[choice.power], log_prior)
         # A truth without a chance costs much, and not all.
         return float(weights @ np.log(np.maximum(np.sum(shares * correct, axis=1), 1e-9)))
 

@@ -165,7 +165,7 @@ class FamilySearch:
                 log_sets = np.where(padded[:, self.members].any(axis=-1), -np.inf, log_sets)
             none = self.sureness.none(log_sets, any_paint, self.unknown)
             chunk = FamilyOdds(
-                sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior[None]),
+                sets=(1.0 - none[:, None]) * self.sureness.share(log_sets, self.log_prior),
                 none=none,
                 unlike=log_sum(log_sets) < self.sureness.least,
                 best=best,

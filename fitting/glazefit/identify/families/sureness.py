@@ -47,7 +47,7 @@ class Sureness:
     intercept: float = 0.0
     least: float = -np.inf
 
-    def share(self, log_sets: PerSet, log_prior: Float[np.ndarray, "#spectra sets"]) -> PerSet:
+    def share(self, log_sets: PerSet, log_prior: PerFamilySet) -> PerSet:
         """Probabilities of sets, if it is one of them.
 
         Args:
@@ -55,9 +55,8 @@ class Sureness:
             log_prior: of the sets.
         """
         allowed = np.where(np.isfinite(log_sets), log_prior, -np.inf)
-        prior = softmax(np.broadcast_to(allowed, log_sets.shape), axis=1)
         tempered = softmax(self.sharpness * log_sets, axis=1)
-        return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * prior)
+        return np.asarray((1.0 - WORTHLESS) * tempered + WORTHLESS * softmax(allowed, axis=1))
 
     def none(self, log_sets: PerSet, any_paint: PerSpectrum, unknown: float) -> PerSpectrum:
         """Probability that a reading is of none of the families.

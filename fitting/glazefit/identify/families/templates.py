@@ -210,13 +210,13 @@ def _over(
     """Films of these mixtures at some thicknesses, in usual ones."""
     # The median of all scatters twice on the way through.
     usual = float(2.0 / np.median(coefficients[1]))
-    below = np.full(coefficients.shape[-1], LIGHT_GROUND) if ground is None else ground
+    below = LIGHT_GROUND if ground is None else ground
     # Coefficients add by mass.
     k, s = (np.einsum("fm,fmb->fb", fractions, values[members]) for values in coefficients)
     readings = [
         hiding_body(response, k / s)
         if np.isinf(thickness)
-        else coat_body(response, k, s, thickness * usual, below)
+        else coat_body(response, k * (thickness * usual), s * (thickness * usual), below)
         for thickness in levels
     ]
     return Templates(
@@ -254,15 +254,13 @@ def coat_body(
     response: FilmResponse,
     absorption: FilmCurves,
     scattering: FilmCurves,
-    thickness: float,
-    ground: Bands,
+    ground: Bands | float,
 ) -> FilmCurves:
-    """Readings of coats of one thickness (m) over a ground."""
+    """Readings of coats over a ground, from their optical thicknesses."""
 
     def run(rows: Int[np.ndarray, "block"]) -> Array:
-        kd = absorption[rows] * thickness
-        sd = scattering[rows] * thickness
-        return _body(response, kd, sd, np.broadcast_to(ground, kd.shape))
+        kd = absorption[rows]
+        return _body(response, kd, scattering[rows], np.broadcast_to(ground, kd.shape))
 
     return by_blocks(len(absorption), _CHUNK, run)
 
