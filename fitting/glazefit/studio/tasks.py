@@ -148,7 +148,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
             table.reflectance,
             paints,
             IdentificationOptions(keep=_CANDIDATES),
-            ground=None if level is None else np.broadcast_to(level, table.wavelengths.shape),
+            ground=level,
             opaque=level is None,
             names=table.names,
         )

@@ -2,7 +2,7 @@
 sources, once with its family and once without.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,8 @@ _SOUGHT = 4
 
 def learn_sureness(
     search: FamilySearch,
-    change: Callable[[FilmCurves], FilmCurves] | None,
+    readings: FilmCurves,
+    rows: PerExemplar,
     progress: Progress,
 ) -> Sureness:
     """Sureness with which what a search says of its exemplars comes true: each is searched among
@@ -42,13 +43,11 @@ def learn_sureness(
 
     Args:
         search: with all that it compares; how sure it is does not count.
-        change: of readings without the surface's part, by what varies from film to film, such as a
-            varnish; None where nothing does.
+        readings: of a film of each exemplar (`exemplars_as_readings`), with what varies from film
+            to film, such as a varnish.
+        rows: numbers of these exemplars.
         progress: called with readings that are searched.
     """
-    readings, rows = exemplars_as_readings(search)
-    if change is not None:
-        readings = change(readings - search.surface) + search.surface
     chosen = _few_of_each(search.source_of[rows], search.family_of[rows])
     readings = readings[chosen]
     rows = rows[chosen]

@@ -2,7 +2,6 @@
 bands of the readings, and how far paints of one family are apart.
 """
 
-import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,7 +20,7 @@ from ...film.model.varnish import under_varnish
 from ..result.groups import COLOURLESS
 from ..search.options import IdentificationOptions
 from ..search.pool import NOBODY
-from .calibration import learn_sureness
+from .calibration import exemplars_as_readings, learn_sureness
 from .expected import EXPECTED
 from .features import colours, views
 from .metric import as_columns, learn_metric
@@ -219,8 +218,12 @@ def search_families(
     )
     if sureness is not None:
         return search
-    change = varnish and functools.partial(varnish.exchange_at_random, response, wavelengths)
-    return replace(search, sureness=learn_sureness(search, change, progress))
+    readings, rows = exemplars_as_readings(search)
+    if varnish is not None:
+        # What varies from film to film is learnt to be no sign of a family.
+        varied = varnish.exchange_at_random(response, wavelengths, readings - search.surface)
+        readings = varied + search.surface
+    return replace(search, sureness=learn_sureness(search, readings, rows, progress))
 
 
 def _log_prior(
