@@ -68,18 +68,17 @@ def prepare_search(
     """The search of `search_families` with what else is known of a painting, set up or of those
     that were set up last; arguments as for that.
     """
-    arrays = [
-        values
-        for paint in pigments
-        for values in (paint.wavelengths, paint.absorption, paint.scattering)
+    exemplars = [
+        (p.name, p.family, p.source, digest(p.wavelengths, p.absorption, p.scattering))
+        for p in pigments
     ]
     settings = (
-        digest(wavelengths, *arrays),
-        tuple((paint.name, paint.family, paint.source) for paint in pigments),
-        options.instrument,
-        options.prior,
-        options.max_paints,
-        options.varnish,
+        digest(wavelengths),
+        tuple(exemplars),
+        resolve_instrument(options.instrument),
+        options.prior or EXPECTED,
+        min(options.max_paints, 2),
+        options.varnish or "none",
     )
     # How sure a search may be does not hang on the ground: it is learnt over the first one.
     similar = [search for (*asked, _), search in _SEARCHES.items() if tuple(asked) == settings]
