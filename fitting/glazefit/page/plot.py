@@ -37,10 +37,9 @@ class PlotAxes:
     @property
     def up(self) -> list[tuple[float, str]]:
         """Places, from below, and words of the numbers on the left."""
-        values = _round_numbers(self.low, self.high, self.most)
-        labels = [f"{value:.10g}".replace("-", "\u2212") for value in values]
         return [
-            (100.0 - self._y(value), label) for value, label in zip(values, labels, strict=True)
+            (100.0 - self._y(value), f"{value:.10g}".replace("-", "\u2212"))
+            for value in _round_numbers(self.low, self.high, self.most)
         ]
 
     def line(self, values: Iterable[float | None]) -> str:

@@ -322,5 +322,5 @@ class FamilySearch:
     @cached_property
     def _by_set(self) -> tuple[Int[np.ndarray, "sets"], Int[np.ndarray, "sets"]]:
         """Where the templates of each set start, and how many there are."""
-        starts = np.flatnonzero(np.diff(np.append(-1, self.set_of)))
-        return starts, np.diff(np.append(starts, len(self.set_of)))
+        _, starts, counts = np.unique(self.set_of, return_index=True, return_counts=True)
+        return starts, counts

@@ -379,11 +379,11 @@ class Identification(Tabulated):
         """The most probable film of each answer by family, under what `groups.answer_of` makes of
         it; of an improbable answer none may have been kept.
         """
-        films: dict[frozenset[str], Candidate] = {}
-        for candidate in self.ranked(row):
-            answer = answer_of(self.family_of[paint] for paint in candidate.paints)
-            films.setdefault(answer, candidate)
-        return films
+        # Of several candidates the most probable one stays: it comes last.
+        return {
+            answer_of(self.family_of[paint] for paint in candidate.paints): candidate
+            for candidate in reversed(self.ranked(row))
+        }
 
     def nearest_exemplars(self, row: int) -> str:
         """Paints of the film that stands for the first answer by family."""

@@ -21,8 +21,9 @@ def describe_ambiguity(identification: Identification, row: int) -> list[str]:
     """Sentences on what the spectrum leaves open, and on what the answer rests; none where
     nothing explains it.
     """
+    undecided = describe_undecided(identification, row)
     if not identification.explained[row]:
-        return [settled] if (settled := describe_undecided(identification, row)) else []
+        return [undecided] if undecided else []
     pairs = [
         " or ".join((paint, *alternatives))
         for paint, alternatives in identification.not_told(row).items()
@@ -30,7 +31,7 @@ def describe_ambiguity(identification: Identification, row: int) -> list[str]:
     sentences = (
         f"This spectrum does not decide between {'; '.join(pairs)}." if pairs else "",
         describe_additions(identification, row),
-        describe_undecided(identification, row),
+        undecided,
         *evidence_relied_on(identification, row),
     )
     return [sentence for sentence in sentences if sentence]
