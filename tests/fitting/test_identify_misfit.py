@@ -19,7 +19,7 @@ from glazefit.identify.result.table import table_of
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
 from glazefit.identify.show.page import fits_to_draw, plot_axes
-from glazefit.identify.show.record import make_family_record, table_of_record
+from glazefit.identify.show.record import make_record, table_of_record
 from glazefit.identify.show.terminal import write_residuals
 from glazejax import Pigment
 
@@ -165,7 +165,7 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     usual = usual_misfit(found, shelf, OPTIONS)
     assert usual is not None
     about = ABOUT | {"subject": {"inventory": "SK-A-1"}}
-    filed = make_family_record(found, about, ("red", "grey"), 5, painted=None, usual=usual)
+    filed = make_record(found, about, ("red", "grey"), 5, usual=usual)
     assert filed["subject"] == {"inventory": "SK-A-1"}
     text = html(filed)
     seen = Parsed(text)

@@ -88,7 +88,7 @@ def identification(names=NAMES, grid=GRID, opaque=False):
 
 
 def record(found, about=ABOUT, names=NAMES):
-    return make_record(found, np.full(found.fitted.shape, 0.01), about, names, 2)
+    return make_record(found, about, names, 2, bands=np.full(found.fitted.shape, 0.01))
 
 
 class Parsed:

@@ -242,30 +242,31 @@ def _identify(
     _report(typed, identification, console)
     if report is not None:
         from .show.page import write_page
+        from .show.record import make_record
 
         about = _about(
             typed, task=task, search=search, searched=search_options, inputs=inputs, subject=subject
         )
-        if not search.by_family:
+        bands = usual = None
+        if search.by_family:
+            from .families.misfit import usual_misfit
+
+            usual = usual_misfit(identification, paints, search_options)
+        else:
             from .search.searcher import Searcher
             from .show.bands import expected_bands
-            from .show.record import make_record
 
             searcher = Searcher.of(task.wavelengths, paints, search_options, opaque=opaque)
             bands = expected_bands(identification, searcher.task)
-            record = make_record(identification, bands, about, task.names, top)
-        else:
-            from .families.misfit import usual_misfit
-            from .show.record import make_family_record
-
-            record = make_family_record(
-                identification,
-                about,
-                task.names,
-                top,
-                painted=typed["painted"],
-                usual=usual_misfit(identification, paints, search_options),
-            )
+        record = make_record(
+            identification,
+            about,
+            task.names,
+            top,
+            bands=bands,
+            painted=typed["painted"],
+            usual=usual,
+        )
         beside = write_page(record, report, overwrite=typed["overwrite"])
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     counted = f"{len(identification)} spectra" if len(identification) > 1 else "1 spectrum"

@@ -183,11 +183,10 @@ class FamilySearch:
         Raises:
             ValueError: no such element, or one that was found and not found.
         """
-        elements, absent = options.elements, options.without_elements
-        if not elements and not absent and options.painted is None:
+        if not (options.elements or options.without_elements) and options.painted is None:
             return self
         sets = [facts_of(names) for names in self.sets]
-        fits = log_odds_of_elements(sets, elements, absent)
+        fits = log_odds_of_elements(sets, options.elements, options.without_elements)
         fits += log_odds_of_year(sets, options.painted)
         return replace(self, log_prior=self.log_prior + fits)
 

@@ -18,7 +18,7 @@ from ...page.templates import fill_template
 from ..result import percent
 from ..search.weigh import REJECTED, UNSEEN
 from .explanation import FITS, LEAST
-from .record import Record, by_family, table_of_record
+from .record import FAMILY_SCHEMA, Record, table_of_record
 from .terminal import micrometres
 
 DRAWN = 60
@@ -52,13 +52,11 @@ def write_page(filed: Record, path: Path, *, overwrite: bool = False) -> tuple[P
 
 def page(filed: Record, table: str, data: str) -> Iterator[str]:
     """The page, piece by piece; `table` and `data` are names of the files next to it."""
-    template, kind = (
-        ("family_page", "Pigments") if by_family(filed) else ("page", "Paint identification")
-    )
+    by_family = filed["schema"] == FAMILY_SCHEMA
     # Of a spot's tables, what is printed on its page; the screen has all.
     return fill_template(
-        f"identify/show/{template}.html",
-        title=f"{kind}: {filed['title']}",
+        f"identify/show/{'family_page' if by_family else 'page'}.html",
+        title=f"{'Pigments' if by_family else 'Paint identification'}: {filed['title']}",
         subject={TITLES[name]: text for name, text in filed["subject"].items()},
         record=filed,
         table_name=table,

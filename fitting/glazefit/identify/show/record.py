@@ -32,56 +32,41 @@ _PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
 
 def make_record(
     identification: Identification,
-    bands: Float[np.ndarray, "spectra explanations grounds bands"],
     about: Record,
     names: Sequence[str],
     top: int,
+    *,
+    bands: Float[np.ndarray, "spectra explanations grounds bands"] | None = None,
+    painted: int | None = None,
+    usual: UsualMisfit | None = None,
 ) -> Record:
     """All that is filed, as JSON has it.
 
     Args:
         identification: its result.
-        bands: half the widths of 90 % bands about the first explanations.
         about: how it was made (`describe_run`).
         names: of all spectra, also of those that an interrupt left out.
         top: explanations of each spectrum.
+        bands: of a search by paint, half the widths of 90 % bands about the first explanations.
+        painted: of a search by family, year in which it was painted, if that is known.
+        usual: of a search by family, how far films of right answers are off, if any is known.
     """
+    rows = range(len(identification))
+    run = describe_run(identification, about, names)
+    if identification.family_sets:
+        return {
+            "schema": FAMILY_SCHEMA,
+            **run,
+            "painted": painted,
+            "usual_misfit": usual
+            and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
+            "spots": [_family_spot(identification, row, top, painted, usual) for row in rows],
+        }
     return {
         "schema": SCHEMA,
-        **describe_run(identification, about, names),
+        **run,
         "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
-        "spots": [_spot(identification, bands, row, top) for row in range(len(identification))],
-    }
-
-
-def make_family_record(
-    identification: Identification,
-    about: Record,
-    names: Sequence[str],
-    top: int,
-    *,
-    painted: int | None,
-    usual: UsualMisfit | None,
-) -> Record:
-    """All that is filed, as JSON has it.
-
-    Args:
-        identification: with `family_sets`.
-        about, names: as for `make_record`.
-        top: answers of each spectrum.
-        painted: year in which it was painted, if that is known.
-        usual: how far films of right answers are off, if any is known.
-    """
-    return {
-        "schema": FAMILY_SCHEMA,
-        **describe_run(identification, about, names),
-        "painted": painted,
-        "usual_misfit": usual
-        and {"answers": usual.answers, "half": usual.half, "nine_tenths": usual.nine_tenths},
-        "spots": [
-            _family_spot(identification, row, top, painted=painted, usual=usual)
-            for row in range(len(identification))
-        ],
+        "spots": [_spot(identification, row, top, bands) for row in rows],
     }
 
 
@@ -130,9 +115,10 @@ def describe_spot(identification: Identification, row: int) -> Record:
     }
 
 
-def _spot(identification: Identification, bands: np.ndarray, row: int, top: int) -> Record:
+def _spot(identification: Identification, row: int, top: int, bands: np.ndarray | None) -> Record:
     chances = identification.paint_probability[row]
     ranked = identification.ranked(row, top)
+    drawn = () if bands is None else bands[row]
     spot = describe_spot(identification, row)
     if spot["explained"]:
         spot["words"] = ranked[0].words
@@ -145,7 +131,7 @@ def _spot(identification: Identification, bands: np.ndarray, row: int, top: int)
         "doubts": [*_open_words(identification, row), *describe_ambiguity(identification, row)],
         "noise_sd": float(np.median(identification.measured.noise_sd[row])),
         "explanations": [
-            _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
+            _explanation(candidate, rank, drawn[rank - 1] if rank <= len(drawn) else None)
             for rank, candidate in enumerate(ranked, start=1)
         ],
         "ruled_out": [
@@ -199,7 +185,6 @@ def _family_spot(
     identification: Identification,
     row: int,
     top: int,
-    *,
     painted: int | None,
     usual: UsualMisfit | None,
 ) -> Record:
@@ -341,14 +326,11 @@ FAMILY_COLUMNS = (
 """Of the table next to a page of families: a line for each answer."""
 
 
-def by_family(record: Record) -> bool:
-    """True for a record of families."""
-    return record["schema"]["name"] == FAMILY_SCHEMA["name"]
-
-
 def table_of_record(record: Record) -> tuple[tuple[str, ...], Iterator[list[object]]]:
     """Titles and rows of the table next to a page."""
-    return (FAMILY_COLUMNS, _family_rows(record)) if by_family(record) else (COLUMNS, _rows(record))
+    if record["schema"] == FAMILY_SCHEMA:
+        return FAMILY_COLUMNS, _family_rows(record)
+    return COLUMNS, _rows(record)
 
 
 def _rows(record: Record) -> Iterator[list[object]]:
