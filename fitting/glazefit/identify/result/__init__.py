@@ -141,7 +141,8 @@ class Identification(Tabulated):
         none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
         misfit: what that is judged by, (spectra,): the candidates' mean Delta E00, where each is
             the geometric mean of that of the fit and that with errors of its paints' coefficients
-            allowed, or the latter's residual if that has a shape that no colour shows.
+            allowed, or the latter's residual if that has a shape that no colour shows. Of a search
+            by family, minus the log of the evidence.
         rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00
             above 4, noise aside.
         paint_probability: of each paint to be in the film, over all candidates looked at, (spectra,
