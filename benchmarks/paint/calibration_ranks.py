@@ -30,7 +30,9 @@ import numpy as np
 from benchmarks.paint.layers_inverted import (
     held,
     known_paints,
+    posed_stacks,
     shown_spread,
+    side_by_side,
     smooth_errors,
     unknown_paint,
 )
@@ -125,10 +127,14 @@ def simulate(
 def films(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit import Instrument, Prior
     from glazefit.film.solve import solve
-    from glazefit.posterior.film import pose_films
+    from glazefit.posterior.film import pose_film
 
     made, paints, truth = simulate(count, 1 + group % 3, rng)
-    problem, modes = solve(pose_films(made, paints, Instrument(), Prior()))
+    problems = (
+        pose_film(film, chosen, Instrument(), Prior())
+        for film, chosen in zip(made, paints, strict=True)
+    )
+    problem, modes = solve(side_by_side(problems))
     return Posed(problem, tuple(made), modes, truth)
 
 
@@ -143,7 +149,7 @@ def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
     names = [f"film {n}" for n in range(count)]
     made = simulate_films(BANDS, k, s, names=names, seed=int(rng.integers(2**31)))
     read = readings(made, Instrument(), Noise())
-    problem, modes = solve(pose_bands(read, 1.0, Instrument()))
+    problem, modes = solve(side_by_side(pose_bands(film, 1.0, Instrument()) for film in read))
     truth = {"absorption": k.ravel(), "scattering": s.ravel(), "ratio": (k / s).ravel()}
     return Posed(problem, tuple(read), modes, truth)
 
@@ -161,13 +167,10 @@ def one_ground(count: int, rng: np.random.Generator, group: int) -> Posed:
 
 
 def posed_stack(simulated: Any, rows: slice = slice(None)) -> Posed:
-    from glazefit import Instrument, Prior, SpectraPrior
     from glazefit.film.solve import solve
-    from glazefit.posterior.film import pose_stack
 
     made = simulated.films[rows]
-    problem = pose_stack(made, simulated.coats[rows], Instrument(), Prior(), SpectraPrior())
-    problem, modes = solve(problem)
+    problem, modes = solve(posed_stacks(made, simulated.coats[rows]))
     truth = {name: values[rows] for name, values in simulated.truth.items()}
     return Posed(problem, tuple(made), modes, truth)
 

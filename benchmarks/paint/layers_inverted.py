@@ -17,6 +17,9 @@ of their shares over the root of their number.
 """
 
 import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -184,17 +187,46 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
     return Simulated(read(rng, optical, gloss, np.repeat([2, 1, 2], count), "coat"), coats, truth)
 
 
+def side_by_side(problems: Iterable[Any]) -> Any:
+    """Problems of one structure as one, their blocks one after another. Paints differ: fractions
+    are called by number.
+    """
+    first, *others = problems
+    paints: Counter[str] = Counter()
+    reported = []
+    for asked in first.quantities:
+        name = asked.name
+        if name.startswith("fraction "):
+            _, of, coat = name.partition(" of coat ")
+            paints[coat] += 1
+            name = f"fraction {paints[coat]}{of}{coat}"
+        reported.append(asked._replace(name=name))
+    data = jax.tree.map(
+        lambda *arrays: jnp.concatenate(arrays), first.data, *(other.data for other in others)
+    )
+    blocks = tuple(block for problem in (first, *others) for block in problem.blocks)
+    return replace(first, blocks=blocks, data=data, quantities=tuple(reported))
+
+
+def posed_stacks(films: list[Any], coats: list[list[Any]]) -> Any:
+    """Problem of some films of coats side by side."""
+    from glazefit import Instrument, Prior, SpectraPrior
+    from glazefit.posterior.film import pose_stack
+
+    settings = Instrument(), Prior(), SpectraPrior()
+    return side_by_side(
+        pose_stack(film, stack, *settings) for film, stack in zip(films, coats, strict=True)
+    )
+
+
 def find(simulated: Simulated, steps: int, seed: int) -> tuple[dict[str, Found], Any]:
     """Where the truth lies in each posterior, and the chain's autocorrelation times."""
-    from glazefit import Instrument, Prior, SpectraPrior
     from glazefit.film.sampling import Sampling
     from glazefit.film.solve import solve
-    from glazefit.posterior.film import pose_stack
     from glazefit.posterior.posterior import sample
 
-    films, prior = simulated.films, Prior()
-    problem = pose_stack(films, simulated.coats, Instrument(), prior, SpectraPrior())
-    problem, modes = solve(problem)
+    films = simulated.films
+    problem, modes = solve(posed_stacks(films, simulated.coats))
     posterior = sample(
         problem,
         modes,

@@ -22,6 +22,7 @@ from glazefit.posterior.posterior import sample
 
 from ..refusals import refusal
 from ..slow import slow
+from .problems import side_by_side
 
 GRID = np.arange(400.0, 701.0, 50.0)
 WIDE = 10.0
@@ -265,7 +266,10 @@ def test_nine_of_ten_intervals_hold_the_truth():
     k, s = np.exp(logs[..., 0] + logs[..., 1]), np.exp(logs[..., 1])
     names = [f"film {n}" for n in range(films)]
     simulated = simulate_films(GRID, k, s, names=names, seed=6)
-    problem = pose_bands(readings(simulated, Instrument(), Noise()), 1.0, Instrument())
+    problem = side_by_side(
+        pose_bands(reading, 1.0, Instrument())
+        for reading in readings(simulated, Instrument(), Noise())
+    )
     posterior = sample(problem, find_modes(problem), (), Sampling(sampler="hmc", steps=40))
     for name, truth in (("absorption", k), ("scattering", s), ("ratio", k / s)):
         ranks = (posterior.draws[name] < truth.reshape(-1)).mean(axis=(0, 1))

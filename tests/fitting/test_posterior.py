@@ -21,7 +21,7 @@ from glazefit.film.problem import log_probability
 from glazefit.film.reading import readings
 from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
-from glazefit.posterior.film import pose_films
+from glazefit.posterior.film import pose_film
 from glazefit.posterior.identifiability import directions
 from glazefit.posterior.report import describe_misfit, describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
@@ -251,7 +251,8 @@ def test_prior_is_what_the_log_probability_says():
     """Density of the prior's draws against the prior's residuals: means of a few functions, by a
     sum over a grid.
     """
-    problem = pose_bands(readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE), 1.0, INSTRUMENT)
+    (reading,) = readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE)
+    problem = pose_bands(reading, 1.0, INSTRUMENT)
     logs = np.linspace(-25, 30, 700)
     grid = every_pair(logs)
     one = jax.tree.map(lambda a: a[:1], problem.data)
@@ -280,8 +281,8 @@ def test_prior_is_what_the_log_probability_says():
 def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
     prior = Prior()
-    films = readings(film_of(0.3), INSTRUMENT, NOISE)
-    problem, found = solve(pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior))
+    (reading,) = readings(film_of(0.3), INSTRUMENT, NOISE)
+    problem, found = solve(pose_film(reading, [BLUE, WHITE], INSTRUMENT, prior))
     data, errors = problem.data, problem.data.expansion
     root = np.linalg.inv(np.asarray(errors.whiten[0]))
     part = root * np.asarray(errors.spread[0])
@@ -297,7 +298,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
                 jnp.asarray(point), jax.tree.map(lambda a: a[0], shifted), problem.shared
             )
         )
-        off = (films[0].reflectance - mean - np.asarray(errors.offset[0])).ravel()
+        off = (reading.reflectance - mean - np.asarray(errors.offset[0])).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * part @ part.T
         expected.append(
             -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1])
@@ -438,7 +439,8 @@ def test_least_squares_that_did_not_settle_is_said(banded):
 
 
 def test_compiled_program_calls_no_library_for_linear_algebra():
-    problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE), 1.0, INSTRUMENT)
+    (reading,) = readings(film_of(0.3), INSTRUMENT, NOISE)
+    problem = pose_bands(reading, 1.0, INSTRUMENT)
     free = np.zeros((4, len(problem.blocks), 2))
     text = log_probability.jitted.lower(
         problem.residuals, problem.data, problem.shared, free, 100

@@ -26,6 +26,7 @@ from glazefit.recover.films.result import told_apart
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 from .palette import raise_readings
+from .problems import side_by_side
 
 GRID = np.arange(400.0, 701.0, 10.0)
 INSTRUMENT = Instrument()
@@ -72,7 +73,10 @@ def test_errors_are_those_that_the_posterior_says(known):
     """
     *_, films, recovery = known
     assert np.all(recovery.gloss == 1.0)
-    problem = pose_bands(readings(films, INSTRUMENT, estimate_noise(films)), 1.0, INSTRUMENT)
+    problem = side_by_side(
+        pose_bands(reading, 1.0, INSTRUMENT)
+        for reading in readings(films, INSTRUMENT, estimate_noise(films))
+    )
     free = np.log(np.stack([recovery.ratio, recovery.scattering], axis=-1)).reshape(-1, 2)
 
     def height(free, data):

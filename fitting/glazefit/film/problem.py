@@ -12,7 +12,7 @@ added constant. So least squares finds the mode.
 
 import functools
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -228,16 +228,12 @@ def _readings(
     return in_chunks(jax.vmap(blocks), free, 64)
 
 
-def fingerprint(kind: str, films: Sequence[Reading], *settings: Any) -> str:
-    """A hash of what decides a posterior: of films, and of settings that are arrays, numbers,
+def fingerprint(kind: str, film: Reading, *settings: Any) -> str:
+    """A hash of what decides a posterior: of a film, and of settings that are arrays, numbers,
     strings or dataclasses that print themselves.
     """
     digest = hashlib.sha256()
-    measured = [
-        values
-        for film in films
-        for values in (film.wavelengths, film.reflectance, film.ground, film.sd, film.ground_sd)
-    ]
+    measured = (film.wavelengths, film.reflectance, film.ground, film.sd, film.ground_sd)
     for item in (kind, *measured, *settings):
         array = np.asarray(item)
         digest.update(

@@ -11,7 +11,6 @@ The gloss is one number for the whole film; two readings a band leave it open, s
 in advance (`glazefit.film.gloss`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,11 +20,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
-from ..film.films import Instrument
+from ..film.films import CardReadings, Instrument
 from ..film.forward import HIGHEST, pose_each_band
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
-from .film import join_readings
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
@@ -60,11 +58,11 @@ class BandPrior:
         return np.cov(self.draws(np.random.default_rng(0), 200_000), rowvar=False)
 
 
-def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -> FilmProblem:
-    """Problem of k d and s d in every band of some films, film after film.
+def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> FilmProblem:
+    """Problem of k d and s d in every band of a film.
 
     Args:
-        films: as measured.
+        reading: of the film.
         gloss: share of the surface's reflection in the readings.
         instrument: its geometry.
     """
@@ -72,12 +70,11 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
         instrument,
         gloss * float(instrument.seen_surface),
         _LOGS,
-        join_readings(films, np.concatenate),
+        CardReadings(*(getattr(reading, what) for what in CardReadings._fields)),
     )
-    blocks = tuple(f"{w:g} nm" for film in films for w in film.wavelengths)
     return FilmProblem(
         kind="bands",
-        blocks=blocks,
+        blocks=tuple(f"{wavelength:g} nm" for wavelength in reading.wavelengths),
         unknowns=("log k/s", "log s d"),
         film=film,
         misfit=PaintErrors(film),
@@ -90,7 +87,7 @@ def pose_bands(films: Sequence[Reading], gloss: float, instrument: Instrument) -
             Quantity("ratio", True, lambda free: np.exp(free[..., 0])),
         ),
         bands=1,
-        fingerprint=fingerprint("bands", films, gloss, instrument),
+        fingerprint=fingerprint("bands", reading, gloss, instrument),
         # Its determinants count as readings: without them chains mix a third slower.
         scaled=PaintErrors(film),
     )

@@ -1,9 +1,9 @@
 """A film of coats as a problem: which unknowns, what is likely of them, and what is reported."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -29,88 +29,72 @@ FreeAndRandom: TypeAlias = Float[np.ndarray, "*n numbers"]
 """Free unknowns, and random numbers where these follow."""
 
 
-def pose_films(
-    films: Sequence[Reading],
-    paints: Sequence[Sequence[Pigment]],
-    instrument: Instrument,
-    prior: Prior,
+def pose_film(
+    reading: Reading, paints: Sequence[Pigment], instrument: Instrument, prior: Prior
 ) -> FilmProblem:
-    """Problem of one film of a single coat of known paints or of several with as many paints each.
+    """Problem of a film of a single coat of known paints.
 
     Raises:
         ValueError: no paint, paints of which there is no coat (see `CoatPrior`), or that do not
             cover the film's wavelengths.
     """
-    for film, chosen in zip(films, paints, strict=True):
-        if not chosen:
-            raise ValueError(f"0 paints were given for {film.name!r}; name one at least")
-    coats = [[CoatPrior(chosen)] for chosen in paints]
-    return pose_stack(films, coats, instrument, prior, SpectraPrior(), kind="paints")
+    if not paints:
+        raise ValueError(f"0 paints were given for {reading.name!r}; name one at least")
+    coats = [CoatPrior(paints)]
+    return pose_stack(reading, coats, instrument, prior, SpectraPrior(), kind="paints")
 
 
 def pose_stack(
-    films: Sequence[Reading],
-    coats: Sequence[Sequence[CoatPrior]],
+    reading: Reading,
+    coats: Sequence[CoatPrior],
     instrument: Instrument,
     prior: Prior,
     spectra: SpectraPrior,
     *,
     kind: str = "stack",
 ) -> FilmProblem:
-    """Problem of one film of coats, or of several of the same layout.
+    """Problem of a film of coats.
 
     Args:
-        films: on the same wavelengths and over as many grounds each.
-        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown
-            is the same for all, and what is expected of unknown thicknesses.
-        instrument: that read them.
+        reading: of the film.
+        coats: top first (see `glazefit.posterior.coats.check_coats`).
+        instrument: that read it.
         prior: usual thickness, its spread, fractions' concentration and the paints' error.
         spectra: of an unknown paint.
         kind: of the problem; names of "paints" do not say which coat they are of.
 
     Raises:
-        ValueError: paints that do not cover the films' wavelengths, or unknown thicknesses that are
-            expected to differ.
+        ValueError: paints that do not cover the film's wavelengths.
     """
-    grid = films[0].wavelengths
-    stacks = [[coat.on(grid) for coat in stack] for stack in coats]
-    first = stacks[0]
+    grid = reading.wavelengths
+    coats = [coat.on(grid) for coat in coats]
     modes = np.zeros((2, grid.size, 0))
-    if any(coat.unknown for coat in first):
+    if any(coat.unknown for coat in coats):
         modes = spectra.modes(grid)
     film = Film(
-        sizes=tuple(len(coat.paints) for coat in first),
-        fractions=tuple(coat.open_fractions for coat in first),
-        thickness=tuple(coat.open_thickness for coat in first),
+        sizes=tuple(len(coat.paints) for coat in coats),
+        fractions=tuple(coat.open_fractions for coat in coats),
+        thickness=tuple(coat.open_thickness for coat in coats),
         spectra=modes.shape[-1],
         gloss=instrument.seen_surface > 0,
         error=True,
         optics=Optics.of(instrument),
     )
-
-    def of_coats(value: Callable[[CoatPrior], Any]) -> list[list[Any]]:
-        return [[value(coat) for coat in stack] for stack in stacks]
-
-    # What is expected of each coat's thickness; side by side, films must expect the same.
-    median = np.array(of_coats(lambda c: prior.thickness if c.thickness is None else c.thickness))
-    spread = np.array(of_coats(lambda c: c.spread or prior.spread))
-    differs = film.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
-    if differs.any():
-        raise ValueError(
-            f"coat {differs.argmax() + 1} is expected to be of other thickness in one film "
-            "than in another; films that are sampled side by side must have the same prior"
-        )
-    # k and s of all paints of a film, (films, paints, 2, bands).
+    # What is expected of each coat's thickness.
+    median = np.array(
+        [prior.thickness if coat.thickness is None else coat.thickness for coat in coats]
+    )
+    spread = np.array([coat.spread or prior.spread for coat in coats])
+    # k and s of all paints, (paints, 2, bands).
     coefficients = np.array(
-        [[[p.absorption, p.scattering] for coat in stack for p in coat.paints] for stack in stacks],
-        float,
-    ).reshape(len(films), -1, 2, grid.size)
-    depth = coefficients * np.repeat(median, film.sizes, axis=1)[..., None, None]
+        [[paint.absorption, paint.scattering] for coat in coats for paint in coat.paints], float
+    ).reshape(-1, 2, grid.size)
+    depth = coefficients * np.repeat(median, film.sizes)[:, None, None]
     law = FilmPrior(film, prior.concentration_known)
-    shares = of_coats(lambda c: c.shares)
-    mean, sd = law.moments(spread[0], shares[0], prior)
+    shares = [coat.shares for coat in coats]
+    mean, sd = law.moments(spread, shares, prior)
     shared = FilmShared(
-        response=film_response(instrument) if len(first) == 1 else None,
+        response=film_response(instrument) if len(coats) == 1 else None,
         surface=np.array(float(instrument.seen_surface)),
         smooth=smooth_kernel(grid, prior.error_length),
         mean=mean,
@@ -118,34 +102,27 @@ def pose_stack(
         levels=np.log([spectra.absorption, spectra.scattering]),
         modes=modes,
     )
-    absorption, scattering = np.moveaxis(depth, (2, 1), (0, -1))
+    # A block is a film, and here is one.
+    absorption, scattering = np.moveaxis(depth, (1, 0), (0, -1))[:, None]
     data = FilmData(
         absorption=absorption,
         scattering=scattering,
-        shares=np.array([np.concatenate(stack) for stack in shares]),
-        **join_readings(films, np.stack)._asdict(),
+        shares=np.concatenate(shares)[None],
+        **{what: getattr(reading, what)[None] for what in CardReadings._fields},
     )
     if not film.tabulated:
-        data = data._replace(expansion=usual_errors(data, 2 * len(first)))
-    elif len(first) > 1:
-        logs, _ = without_errors(film, np.zeros((len(films), film.dims)), data, shared)
-        pairs = zip(np.asarray(logs), data.ground, strict=True)
-        data = data._replace(table=np.stack([tabulate(film, *pair) for pair in pairs]))
+        data = data._replace(expansion=usual_errors(data, 2 * len(coats)))
+    elif len(coats) > 1:
+        logs, _ = without_errors(film, np.zeros((1, film.dims)), data, shared)
+        data = data._replace(table=tabulate(film, np.asarray(logs)[0], reading.ground)[None])
     unknowns, quantities = name_unknowns(
-        film,
-        kind=kind,
-        coats=first,
-        shares=data.shares,
-        median=median[0],
-        spread=spread[0],
-        grid=grid,
-        shared=shared,
+        film, kind=kind, coats=coats, median=median, spread=spread, grid=grid, shared=shared
     )
     # The fingerprint holds all numbers that the posterior rests on.
-    expectation = repr(of_coats(lambda c: (c.thickness, c.spread, c.fractions)))
+    expectation = repr([[(coat.thickness, coat.spread, coat.fractions) for coat in coats]])
     return FilmProblem(
         kind=kind,
-        blocks=tuple(film.name for film in films),
+        blocks=(reading.name,),
         unknowns=unknowns,
         film=film,
         misfit=PaintErrors(film),
@@ -154,21 +131,15 @@ def pose_stack(
         shared=shared,
         quantities=quantities,
         # A band of a solved stack costs some ten times that of a tabulated film.
-        bands=grid.size * (1 if len(first) == 1 or film.tabulated else 10),
-        fingerprint=fingerprint(kind, films, coefficients, expectation, prior, spectra, instrument),
+        bands=grid.size * (1 if len(coats) == 1 or film.tabulated else 10),
+        fingerprint=fingerprint(
+            kind, reading, coefficients, expectation, prior, spectra, instrument
+        ),
         random=sum(film.sizes) + len(film.sizes) if any((*film.fractions, *film.thickness)) else 0,
         # An opaque coat and a thin one may read the same, and each is a narrow valley.
         starts=24 if film.tabulated else 8,
         scaled=ScaledReadings(film) if film.tabulated else None,
     )
-
-
-def join_readings(
-    films: Sequence[Reading], join: Callable[[list[np.ndarray]], np.ndarray]
-) -> CardReadings:
-    """Readings and grounds of some films, and their errors."""
-    columns = [[getattr(film, what) for film in films] for what in CardReadings._fields]
-    return CardReadings(*map(join, columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +156,7 @@ class _CoatAmounts:
     thickness: slice  # places of the unknowns
     ratios: slice
     random: slice  # one for the thickness, one for each paint
-    shares: Float[np.ndarray, "*blocks paints"]  # of fractions that are known
+    shares: Float[np.ndarray, "paints"]  # fractions that are known
 
     def shown(self, values: FreeAndRandom) -> Float[np.ndarray, "*n paints"]:
         """Fractions, were all paints as strong as elsewhere."""
@@ -229,7 +200,6 @@ def name_unknowns(
     *,
     kind: str,
     coats: Sequence[CoatPrior],
-    shares: Float[np.ndarray, "blocks paints"],
     median: Float[np.ndarray, "coats"],
     spread: Float[np.ndarray, "coats"],
     grid: Bands,
@@ -241,8 +211,7 @@ def name_unknowns(
     Args:
         film: whose unknowns they are.
         kind: of the problem.
-        coats: of the first film.
-        shares: of all paints in their coats, where they are known.
+        coats: of the film.
         median, spread: of the thicknesses' prior, m, and standard deviation of the log.
         grid: wavelengths, nm.
         shared: with the levels and modes of an unknown paint.
@@ -262,22 +231,16 @@ def name_unknowns(
     for n, coat in enumerate(coats):
         suffix = "" if kind == "paints" else f" of coat {n + 1}"
         members = film.paints[n]
-        stated = shares[:, members]
         amounts = _CoatAmounts(
             median=median[n],
             spread=spread[n] if film.thickness[n] else 0.0,
             thickness=positions.thickness[n],
             ratios=positions.ratios[n],
             random=slice(film.dims + members.start + n, film.dims + members.stop + n + 1),
-            # What is the same for all films needs no axis of them.
-            shares=stated[0] if np.all(stated == stated[0]) else stated,
+            shares=coat.shares,
         )
         if film.fractions[n]:
-            # Paints of several films side by side differ.
-            fractions = [
-                f"fraction {paint.name if len(shares) == 1 else number}{suffix}"
-                for number, paint in enumerate(coat.paints, 1)
-            ]
+            fractions = [f"fraction {paint.name}{suffix}" for paint in coat.paints]
             names += fractions[:-1]
             reported += [
                 Quantity(name, False, functools.partial(amounts.fraction, which=i))

@@ -84,26 +84,24 @@ def _describe_open(
 
 
 def open_above(problem: FilmProblem, free: FreeDraws) -> list[str]:
-    """Films of paints that hide their ground, in words: they are so thick at least, and may be
-    thicker.
+    """Say of a film of paints that it hides its ground, if it does: it is so thick at least, and
+    may be thicker.
 
     The prior hardly allows such thickness, so that the posterior may be narrow: its upper end is
     then the prior's.
 
     Args:
-        problem: of films of known paints.
+        problem: of a film of known paints.
         free: draws of the free unknowns.
     """
     draws = free[:: max(1, len(free) // 64)]
     thicker = draws.copy()
     thicker[..., problem.unknowns.index("thickness")] += np.log(3.0)
-    loss = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker), axis=0)
+    if not np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker)) < 0.5:
+        return []
     return [
-        f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film "
-        "3 times as thick would read the same, so that its upper end is what was expected, not "
-        "what was measured"
-        for film, drop in zip(problem.blocks, loss, strict=True)
-        if drop < 0.5
+        "thickness is open above: a film 3 times as thick would read the same, so that its upper "
+        "end is what was expected, not what was measured"
     ]
 
 
@@ -128,32 +126,29 @@ def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> 
     thicknesses and fractions.
 
     Args:
-        problem: of films, or of bands.
+        problem: of a film, or of its bands.
         free: draws of the free unknowns.
         wavelengths: nm.
     """
     if problem.kind == "bands":
         return Identifiability(tuple(_of_spectra(problem.spectra(free), wavelengths)))
+    draws = free[:, 0]
     by_coats = problem.kind == "stack"
     prior = problem.prior_draws(np.random.default_rng(0), 4000)
     sentences = [] if by_coats else open_above(problem, free)
-    for b, film in enumerate(problem.blocks):
-        ties = [] if by_coats else [*range(problem.dims)]
-        block_sentences: list[str] = []
-        for quantity in problem.quantities if by_coats else ():
-            if quantity.name not in problem.unknowns:
-                continue
-            unchanged, sentence = _compare_with_prior(quantity, free[:, b], prior)
-            block_sentences += [sentence] if sentence else []
-            if not unchanged and " of coat " in quantity.name:
-                ties.append(problem.unknowns.index(quantity.name))
-        block_sentences += _open_directions(free[:, b], problem, ties, alone=not by_coats)
-        if spectra := problem.spectra(free[:, b : b + 1]):
-            block_sentences += [
-                f"unknown paint, {sentence}" for sentence in _of_spectra(spectra, wavelengths)
-            ]
-        where = f"{film}: " if len(problem.blocks) > 1 else ""
-        sentences += [where + sentence for sentence in block_sentences]
+    ties = [] if by_coats else [*range(problem.dims)]
+    for quantity in problem.quantities if by_coats else ():
+        if quantity.name not in problem.unknowns:
+            continue
+        unchanged, sentence = _compare_with_prior(quantity, draws, prior)
+        sentences += [sentence] if sentence else []
+        if not unchanged and " of coat " in quantity.name:
+            ties.append(problem.unknowns.index(quantity.name))
+    sentences += _open_directions(draws, problem, ties, alone=not by_coats)
+    if spectra := problem.spectra(free):
+        sentences += [
+            f"unknown paint, {sentence}" for sentence in _of_spectra(spectra, wavelengths)
+        ]
     return Identifiability(tuple(sentences))
 
 

@@ -30,7 +30,7 @@ from ..film.sampling import Sampling, SamplingOptions
 from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, solve
 from .bands import pose_bands
 from .coats import CoatPrior, check_coats
-from .film import pose_films, pose_stack
+from .film import pose_film, pose_stack
 from .identifiability import Identifiability, identify_open
 from .spectra import SpectraPrior
 from .summary import Numbers, Row, Summary, compare
@@ -46,7 +46,7 @@ class Posterior:
 
     Attributes:
         problem: what was sampled.
-        films: as measured; one, unless several were sampled side by side.
+        films: the film as measured.
         laplace: Laplace's approximation.
         chain: as sampled, or None.
         weighted: whether Laplace's draws, weighted, were asked for in place of a chain.
@@ -59,7 +59,7 @@ class Posterior:
     weighted: bool = False
 
     def __repr__(self) -> str:
-        return f"Posterior({' and '.join(repr(film.name) for film in self.films)}: {self.words()})"
+        return f"Posterior({self.films[0].name!r}: {self.words()})"
 
     @cached_property
     def convergence(self) -> "Convergence | None":
@@ -182,7 +182,7 @@ class Posterior:
 def _attributes(posterior: Posterior) -> dict[str, Any]:
     """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
     attributes: dict[str, Any] = {
-        "film": ", ".join(film.name for film in posterior.films),
+        "film": posterior.films[0].name,
         "inference_library": "Laplace approximation",
         "glazejax": version("glazejax"),
         "converged": int(posterior.converged),
@@ -234,14 +234,14 @@ def posterior_of_film(
             `glazefit.film.sampling.Sampling`.
 
     Raises:
-        ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers
+        ValueError: more films than one, paints that do not fit (see `pose_film`), too few walkers
             or steps, or a chain of another problem.
         FileExistsError, FileNotFoundError: see `glazefit.film.chain_file`.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     reading = _single_reading(film, instrument, noise or Noise())
-    problem = pose_films([reading], [pigments], instrument, prior or Prior())
+    problem = pose_film(reading, pigments, instrument, prior or Prior())
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
@@ -277,9 +277,7 @@ def posterior_of_coats(
     instrument = resolve_instrument(instrument)
     coats = check_coats(coats)
     reading = _single_reading(film, instrument, noise or Noise())
-    problem = pose_stack(
-        [reading], [coats], instrument, prior or Prior(), spectra or SpectraPrior()
-    )
+    problem = pose_stack(reading, coats, instrument, prior or Prior(), spectra or SpectraPrior())
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
@@ -311,7 +309,7 @@ def posterior_of_bands(
         gloss = (
             float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
         )
-    problem = pose_bands([reading], gloss, instrument)
+    problem = pose_bands(reading, gloss, instrument)
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
