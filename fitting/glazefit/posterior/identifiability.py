@@ -117,8 +117,8 @@ def _of_spectra(spectra: SpectraDraws, wavelengths: Bands) -> list[str]:
     return [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
 
 
-def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> Identifiability:
-    """Open directions, and sentences that name them.
+def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> list[str]:
+    """Sentences that name what is open.
 
     Band by band a value is known if its standard deviation is less than half of it or than .01, the
     rule of `glazejax recover`. In a film of one coat of known paints directions of all unknowns are
@@ -131,7 +131,7 @@ def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> 
         wavelengths: nm.
     """
     if problem.kind == "bands":
-        return Identifiability(tuple(_of_spectra(problem.spectra(free), wavelengths)))
+        return _of_spectra(problem.spectra(free), wavelengths)
     draws = free[:, 0]
     by_coats = problem.kind == "stack"
     prior = problem.prior_draws(np.random.default_rng(0), 4000)
@@ -149,7 +149,7 @@ def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> 
         sentences += [
             f"unknown paint, {sentence}" for sentence in _of_spectra(spectra, wavelengths)
         ]
-    return Identifiability(tuple(sentences))
+    return sentences
 
 
 def _compare_with_prior(

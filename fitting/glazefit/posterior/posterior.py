@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -21,23 +21,22 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
+from ..film.chain_file import Chain
 from ..film.films import Films, Instrument, InstrumentLike, Noise
 from ..film.gloss import estimate_gloss
 from ..film.model.errors import Prior
 from ..film.problem import FilmProblem
 from ..film.reading import Reading, readings
+from ..film.sample import draw_chain
 from ..film.sampling import Sampling, SamplingOptions
-from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, solve
+from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, load_arviz, solve
 from .bands import pose_bands
+from .chain import Convergence, convergence
 from .coats import CoatPrior, check_coats
 from .film import pose_film, pose_stack
 from .identifiability import Identifiability, identify_open
 from .spectra import SpectraPrior
 from .summary import Numbers, Row, Summary, compare
-
-if TYPE_CHECKING:
-    from ..film.chain_file import Chain
-    from .chain import Convergence
 
 
 @dataclass(frozen=True)
@@ -55,19 +54,17 @@ class Posterior:
     problem: FilmProblem
     films: tuple[Reading, ...]
     laplace: Laplace
-    chain: "Chain | None"
+    chain: Chain | None
     weighted: bool = False
 
     def __repr__(self) -> str:
         return f"Posterior({self.films[0].name!r}: {self.words()})"
 
     @cached_property
-    def convergence(self) -> "Convergence | None":
+    def convergence(self) -> Convergence | None:
         """Test of the chain's length; None if nothing was sampled."""
         if self.chain is None:
             return None
-        from .chain import convergence
-
         values = [quantity.scaled(self.chain.free) for quantity in self.problem.quantities]
         return convergence(self.chain, np.stack(values, axis=-1))
 
@@ -154,7 +151,8 @@ class Posterior:
     @cached_property
     def identifiability(self) -> Identifiability:
         """Directions that the measurement leaves open, named."""
-        return identify_open(self.problem, self.flat, self.films[0].wavelengths)
+        sentences = identify_open(self.problem, self.flat, self.films[0].wavelengths)
+        return Identifiability(tuple(sentences))
 
     def words(self) -> str:
         """Convergence, in a sentence."""
@@ -173,10 +171,91 @@ class Posterior:
 
     @cached_property
     def inference_data(self) -> Any:
-        """The posterior as ArviZ's InferenceData; see `glazefit.posterior.arviz`."""
-        from .arviz import inference_data
+        """The posterior as ArviZ's InferenceData, the form that its plots, its statistics and
+        NetCDF files take.
 
-        return inference_data(self.problem, self.films, self.draws, self.free, _attributes(self))
+        Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, reflectance a
+        fraction. Groups are posterior, sample_stats, log_likelihood, posterior_predictive,
+        observed_data and constant_data.
+
+        Thicknesses and fractions hold strengths of the paints, drawn at random, which would hide
+        that a chain has not converged. Those with `_shown` behind their names are as the readings
+        show them, and go with the log-likelihoods. The predictive group holds spectra without
+        noise, of some draws; log-likelihoods are up to a constant.
+        """
+        return _inference_data(self)
+
+
+def _inference_data(posterior: Posterior) -> Any:
+    arviz = load_arviz()
+    problem = posterior.problem
+    film = posterior.films[0]
+    bands = problem.kind == "bands"
+    coords: dict[str, Any] = {"wavelength": film.wavelengths, "ground": list(film.grounds)}
+    if not bands:
+        coords["film"] = list(problem.blocks)
+    dims: dict[str, list[str]] = {}
+
+    def by_block(name: str, values: np.ndarray) -> np.ndarray:
+        """(steps, walkers, blocks) as (walkers, steps, blocks), or without the last axis for a
+        film.
+        """
+        values = np.swapaxes(values, 0, 1)
+        if not bands:
+            return values[..., 0]
+        dims[name] = ["wavelength"]
+        return values
+
+    variables: dict[str, np.ndarray] = {}
+    # What has a further axis: of paints, or of the bands of a spectrum.
+    stacks: dict[str, list[np.ndarray]] = {}
+    spectrum = {q.name: q.spectrum for q in problem.quantities}
+    shown = problem.shown(posterior.free) if problem.random else {}
+    rows = [(name, "", values) for name, values in posterior.draws.items()]
+    rows += [
+        (name, "_shown", values)
+        for name, values in shown.items()
+        if name.startswith(("fraction", "thickness"))
+    ]
+    for name, suffix, values in rows:
+        paint = name.startswith("fraction ")
+        key = ("fraction" if paint else spectrum[name] or name.replace(" ", "_")) + suffix
+        values = by_block(key, values)
+        if paint or spectrum[name]:
+            stacks.setdefault(key, []).append(values)
+        else:
+            variables[key] = values
+    for key, each_value in stacks.items():
+        variables[key] = np.stack(each_value, axis=-1)
+        dims[key] = ["paint" if key.startswith("fraction") else "wavelength"]
+    if "fraction" in stacks:
+        names = [name for name in posterior.draws if name.startswith("fraction ")]
+        coords["paint"] = [name.removeprefix("fraction ") for name in names]
+
+    flat = posterior.flat
+    steps = posterior.free.shape[:3]
+    likelihood = problem.log_likelihood(flat).reshape(steps)
+    total = problem.log_probability(flat).reshape(steps)
+    # Spectra of so many draws are enough for a picture.
+    spectra = problem.readings(flat[:: max(1, len(flat) // 400)])[None]
+    reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
+    dims |= {name: reading_dims for name in ("reflectance", "ground_reflectance", "reflectance_sd")}
+    measured, ground, sd = (
+        values if bands else values[None] for values in (film.reflectance, film.ground, film.sd)
+    )
+    attributes = _attributes(posterior)
+    return arviz.from_dict(
+        posterior=variables,
+        sample_stats={"lp": np.swapaxes(total.sum(axis=-1), 0, 1)},
+        log_likelihood={"reading": by_block("reading", likelihood)},
+        posterior_predictive={"reflectance": spectra},
+        observed_data={"reflectance": measured},
+        constant_data={"ground_reflectance": ground, "reflectance_sd": sd},
+        coords=coords,
+        dims=dims,
+        attrs=attributes,
+        posterior_attrs=attributes,
+    )
 
 
 def _attributes(posterior: Posterior) -> dict[str, Any]:
@@ -320,11 +399,8 @@ def sample(
     that is all.
     """
     approximate = laplace(problem, modes, seed=options.seed)
-    if options.length == 0:
-        return Posterior(problem, films, approximate, None, options.sampler == "importance")
-    from ..film.sample import draw_chain
-
-    return Posterior(problem, films, approximate, draw_chain(problem, approximate, options))
+    chain = draw_chain(problem, approximate, options) if options.length else None
+    return Posterior(problem, films, approximate, chain, options.sampler == "importance")
 
 
 def _single_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:
