@@ -27,11 +27,11 @@ from .mapping.show.names import set_labels as set_labels
 from .mapping.store.export import export_map as export_map
 from .mapping.store.store import open_map as open_map
 from .posterior.coats import CoatPrior as CoatPrior
+from .posterior.coats import SpectraPrior as SpectraPrior
 from .posterior.posterior import Posterior as Posterior
 from .posterior.posterior import posterior_of_bands as posterior_of_bands
 from .posterior.posterior import posterior_of_coats as posterior_of_coats
 from .posterior.posterior import posterior_of_film as posterior_of_film
-from .posterior.spectra import SpectraPrior as SpectraPrior
 from .recipe.addition import Addition as Addition
 from .recipe.addition import next_addition as next_addition
 from .recipe.recipe import Recipe as Recipe

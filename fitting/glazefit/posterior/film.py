@@ -22,8 +22,7 @@ from ..film.model.variation import STRENGTH
 from ..film.prior import FilmPrior
 from ..film.problem import FilmProblem, Quantity, fingerprint
 from ..film.reading import Reading
-from .coats import CoatPrior
-from .spectra import SpectraPrior
+from .coats import CoatPrior, SpectraPrior
 
 FreeAndRandom: TypeAlias = Float[np.ndarray, "*n numbers"]
 """Free unknowns, and random numbers where these follow."""

@@ -32,10 +32,9 @@ from ..film.sampling import Sampling, SamplingOptions
 from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, load_arviz, solve
 from .bands import pose_bands
 from .chain import Convergence, convergence
-from .coats import CoatPrior, check_coats
+from .coats import CoatPrior, SpectraPrior, check_coats
 from .film import pose_film, pose_stack
 from .identifiability import Identifiability, identify_open
-from .spectra import SpectraPrior
 from .summary import Numbers, Row, Summary, compare
 
 
