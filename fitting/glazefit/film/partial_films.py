@@ -17,19 +17,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
-from typing import Any, Unpack
-
-import numpy as np
-from jaxtyping import Float
+from typing import Unpack
 
 from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import naming
 from glazejax.io.spectra_table import list_names
 
-from .films import SPECTRA, Films
+from .films import Films
 from .readers import ENDINGS, build_films, one_reading, rows_of
-from .shared_bands import crop_bands, means_of_steps
+from .shared_bands import crop
 
 USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
@@ -156,32 +153,3 @@ def recipes_from_names(
     """
     listed = listed or {}
     return {name: listed.get(name) or tint(name) or {name: 100.0} for name in names}
-
-
-def crop(films: Films, low: float, high: float, why: str) -> Films:
-    """Films between two wavelengths (nm); a note says what was left out, and why.
-
-    Raises:
-        ValueError: fewer than three bands are left.
-    """
-    used, notes = crop_bands(films.wavelengths, low, high, why)
-    return _on(films, np.eye(used.size)[:, used], *notes) if notes else films
-
-
-def average(films: Films, step: float = 5.0) -> Films:
-    """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so.
-
-    By default to 5 nm: k and s of paint change little over it.
-    """
-    grid = films.wavelengths
-    matrix = means_of_steps(grid, step)
-    if matrix is None:
-        return films
-    return _on(films, matrix, f"{grid.size} bands averaged to steps of {step:g} nm")
-
-
-def _on(films: Films, matrix: Float[np.ndarray, "bands new"], note: str) -> Films:
-    arrays: dict[str, Any] = {what: getattr(films, what) @ matrix for what in SPECTRA}
-    return replace(
-        films, wavelengths=films.wavelengths @ matrix, notes=(*films.notes, note), **arrays
-    )

@@ -2,12 +2,15 @@
 than it helps.
 """
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from glazejax.spectra import Bands, describe_grid, lie_between
+
+from .films import SPECTRA, Films
 
 SEARCHED = 10.0
 """Step in nm to which finer spectra are averaged where paints are searched: errors of paints are
@@ -29,6 +32,22 @@ class SharedBands(NamedTuple):
     wavelengths: Float[np.ndarray, "new"]
     mean: Float[np.ndarray, "bands new"]
     notes: tuple[str, ...]
+
+    def averaged(self, step: float) -> "SharedBands":
+        """The same averaged to steps, nm, where they are finer."""
+        coarser = means_of_steps(self.wavelengths, step)
+        if coarser is None:
+            return self
+        note = f"{self.wavelengths.size} bands averaged to steps of {step:g} nm"
+        return SharedBands(self.wavelengths @ coarser, self.mean @ coarser, (*self.notes, note))
+
+    def of(self, films: Films) -> Films:
+        """The films on these bands, with the notes."""
+        if not self.notes:
+            return films
+        arrays: dict[str, Any] = {what: getattr(films, what) @ self.mean for what in SPECTRA}
+        notes = (*films.notes, *self.notes)
+        return replace(films, wavelengths=self.wavelengths, notes=notes, **arrays)
 
 
 def shared_bands(
@@ -57,33 +76,48 @@ def shared_bands(
             "there, use paints that are known at your wavelengths (--pigments, --catalogue), or "
             "check the wavelengths"
         )
-    used, notes = crop_bands(wavelengths, first, last, PAINTS_KNOWN)
-    mean = np.eye(wavelengths.size)[:, used]
-    grid = wavelengths[used]
-    if (coarser := means_of_steps(grid, step)) is not None:
-        notes = (*notes, f"{grid.size} bands averaged to steps of {step:g} nm")
-        mean = mean @ coarser
-    return SharedBands(wavelengths @ mean, mean, notes)
+    return crop_bands(wavelengths, first, last, PAINTS_KNOWN).averaged(step)
 
 
-def crop_bands(
-    wavelengths: Bands, low: float, high: float, why: str
-) -> tuple[Bool[np.ndarray, "bands"], tuple[str, ...]]:
-    """Bands of films between two wavelengths (nm), and a note on what was left out and why, if
-    anything was.
+def every_band(wavelengths: Bands) -> SharedBands:
+    """The bands as they are."""
+    return SharedBands(wavelengths, np.eye(wavelengths.size), ())
+
+
+def crop_bands(wavelengths: Bands, low: float, high: float, why: str) -> SharedBands:
+    """Bands between two wavelengths (nm); a note on what was left out and why, if anything was.
 
     Raises:
         ValueError: fewer than three bands are left.
     """
     used = lie_between(wavelengths, low, high)
     if used.all():
-        return used, ()
+        return every_band(wavelengths)
     if used.sum() < 3:
         raise ValueError(
             f"the readings' {describe_grid(wavelengths)} and {low:g}-{high:g} nm have no three "
             f"bands in common: {why}; check the wavelengths"
         )
-    return used, (f"cropped to {describe_grid(wavelengths[used])}: {why}",)
+    grid = wavelengths[used]
+    note = f"cropped to {describe_grid(grid)}: {why}"
+    return SharedBands(grid, np.eye(used.size)[:, used], (note,))
+
+
+def crop(films: Films, low: float, high: float, why: str) -> Films:
+    """Films between two wavelengths (nm); a note says what was left out, and why.
+
+    Raises:
+        ValueError: fewer than three bands are left.
+    """
+    return crop_bands(films.wavelengths, low, high, why).of(films)
+
+
+def average(films: Films, step: float = 5.0) -> Films:
+    """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so.
+
+    By default to 5 nm: k and s of paint change little over it.
+    """
+    return every_band(films.wavelengths).averaged(step).of(films)
 
 
 def means_of_steps(grid: Bands, step: float) -> Float[np.ndarray, "bands new"] | None:

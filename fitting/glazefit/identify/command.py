@@ -315,7 +315,7 @@ def _choose_spectra(
     from glazejax.stacks import Spectrum
 
     from ..film.films import Films
-    from ..film.shared_bands import crop_bands, shared_bands
+    from ..film.shared_bands import crop_bands, every_band, shared_bands
     from .identify import ground_from_air
 
     def internal(bare: "np.ndarray") -> "np.ndarray":
@@ -326,18 +326,18 @@ def _choose_spectra(
     stated_ground = None if ground is None else options.read_ground(ground, bare=bare)
     if search.by_family:
         # Each family is known at bands of its own, and what a reading has is used.
-        used, changes = np.ones(measured.wavelengths.size, bool), ()
+        bands = every_band(measured.wavelengths)
         if stated_ground is not None and isinstance(stated_ground.level, Spectrum):
             covered = stated_ground.level.wavelengths
             with stated_ground.blame():
-                used, changes = crop_bands(
+                bands = crop_bands(
                     measured.wavelengths, covered[0], covered[-1], "the ground is known there only"
                 )
-        grid, mean = measured.wavelengths[used], np.eye(used.size)[:, used]
     else:
-        grid, mean, changes = shared_bands(
+        bands = shared_bands(
             measured.wavelengths, common_range(paint.wavelengths for paint in search.paints)
         )
+    grid, mean, changes = bands
     below = None
     ground_names = ("a ground that is not seen",)
     if isinstance(measured, Films):

@@ -348,9 +348,8 @@ def _film(
 ) -> "Films":
     from glazejax.io.spectra_table import there_are
 
-    from ..film.partial_films import crop
     from ..film.readers import read_films
-    from ..film.shared_bands import PAINTS_KNOWN
+    from ..film.shared_bands import PAINTS_KNOWN, crop
 
     films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
@@ -383,11 +382,10 @@ def _spectrum(
     progress.print_notes(console, file, table.notes)
     progress.print_notes(console, "--ground", below.notes)
     row = row_of(table.names, sample, str(file), "--sample ")
-    used, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
+    grid, mean, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, notes)
-    grid = table.wavelengths[used]
     return reading_over(
-        grid, table.reflectance[row][used], below.on(grid), noise=noise, name=table.names[row]
+        grid, table.reflectance[row] @ mean, below.on(grid), noise=noise, name=table.names[row]
     )
 
 

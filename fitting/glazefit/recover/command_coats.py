@@ -50,7 +50,7 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
     """
     import equinox as eqx
 
-    from ..film.partial_films import average
+    from ..film.shared_bands import average
     from .coats import report
     from .coats.coats import predict_next_coat, recover_coats
 

@@ -240,7 +240,8 @@ def read_film(
     **stated: Unpack["Stated"],
 ) -> "Films":
     """The one film that was read, on a grid that all paints of the recipe cover."""
-    from ..film.partial_films import average, crop, read_loose_films
+    from ..film.partial_films import read_loose_films
+    from ..film.shared_bands import average, crop
 
     films = read_loose_films(path, **stated)
     if chosen := options.split_names(samples):

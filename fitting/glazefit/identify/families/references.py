@@ -24,9 +24,9 @@ from glazejax.spectra import Bands, common_range
 
 from ...film.films import Films, Instrument, InstrumentLike
 from ...film.model.response import film_response
-from ...film.partial_films import average, loose_films, recipes_from_names
+from ...film.partial_films import loose_films, recipes_from_names
 from ...film.readers import one_reading
-from ...film.shared_bands import SEARCHED, running_mean
+from ...film.shared_bands import SEARCHED, average, running_mean
 from ...recover.joint.joint import recover_jointly
 from .features import surface_in
 from .templates import hiding_ratio
