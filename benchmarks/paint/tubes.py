@@ -22,8 +22,7 @@ from benchmarks.results import Results, command_line, ends, percent, progress, q
 from benchmarks.timing import time_call
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
-from glazefit.film.partial_films import recipes_from_names
-from glazefit.film.readers import is_masstone
+from glazefit.film.readers import is_masstone, recipes_from_names
 from glazefit.film.simulate import simulate_paints
 from glazefit.recover.joint.constraints import error_modes
 from glazefit.recover.joint.entries import PaintFile, entries

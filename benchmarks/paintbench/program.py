@@ -19,7 +19,7 @@ from glazefit import (
 )
 from glazefit.film.films import Instrument
 from glazefit.film.model.response import Response, film_response
-from glazefit.film.partial_films import loose_films
+from glazefit.film.readers import loose_films
 from glazefit.identify.families.expected import EXPECTED
 from glazefit.identify.families.naming import name_sets
 from glazefit.identify.families.references import References, references_of

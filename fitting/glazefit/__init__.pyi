@@ -6,10 +6,10 @@ from .film.model.errors import Prior as Prior
 from .film.model.mixing import MixingLaw as MixingLaw
 from .film.model.variation import Spread as Spread
 from .film.model.variation import Variation as Variation
-from .film.partial_films import read_loose_films as read_loose_films
-from .film.partial_films import recipes_from_names as recipes_from_names
 from .film.readers import read_films as read_films
+from .film.readers import read_loose_films as read_loose_films
 from .film.readers import read_recipes as read_recipes
+from .film.readers import recipes_from_names as recipes_from_names
 from .film.reading import Reading as Reading
 from .film.reading import reading_over as reading_over
 from .film.simulate import simulate_films as simulate_films

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from glazefit import Films, Noise
 from glazefit.film.films import card_reflectance
 from glazefit.film.model.response import film_response
-from glazefit.film.partial_films import read_loose_films
+from glazefit.film.readers import read_loose_films
 from glazefit.recover.coats.coats import CoatScattering, coat_of, predict_next_coat, recover_coats
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument

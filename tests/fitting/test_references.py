@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import identify
-from glazefit.film.partial_films import loose_films
+from glazefit.film.readers import loose_films
 from glazefit.identify.families import set_up
 from glazefit.identify.families.references import (
     CARDS,

@@ -12,7 +12,7 @@ from glazefit import Instrument, Noise, read_films, recover_films, simulate_film
 from glazefit.film.films import SPECTRA, USUAL_CARD_SD, bare_surface, card_readings, usual_cards
 from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise
-from glazefit.film.partial_films import read_loose_films, recipes_from_names, tint
+from glazefit.film.readers import read_loose_films, recipes_from_names, tint
 from glazefit.film.shared_bands import average, crop
 from glazefit.recover.joint.constraints import Gauge, error_modes, gather_constraints
 from glazefit.recover.joint.entries import add_paints

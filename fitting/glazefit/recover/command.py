@@ -208,8 +208,14 @@ def recover(
 
     from ..film.films import Instrument, Noise
     from ..film.noise import estimate_noise
-    from ..film.partial_films import read_loose_films, tint
-    from ..film.readers import NAMES_FILE, is_masstone, read_recipes, readable_names
+    from ..film.readers import (
+        NAMES_FILE,
+        is_masstone,
+        read_loose_films,
+        read_recipes,
+        readable_names,
+        tint,
+    )
 
     console = progress.plain_console()
     stated_noise = {

@@ -45,7 +45,7 @@ def recover_together(
         results: where they go.
     """
     from ..film.gloss import measure_gloss
-    from ..film.partial_films import read_loose_films, recipes_from_names
+    from ..film.readers import read_loose_films, recipes_from_names
     from ..film.shared_bands import average, crop
     from .joint.entries import PaintFile, add_paints
     from .joint.joint import recover_jointly

@@ -240,7 +240,7 @@ def read_film(
     **stated: Unpack["Stated"],
 ) -> "Films":
     """The one film that was read, on a grid that all paints of the recipe cover."""
-    from ..film.partial_films import read_loose_films
+    from ..film.readers import read_loose_films
     from ..film.shared_bands import average, crop
 
     films = read_loose_films(path, **stated)

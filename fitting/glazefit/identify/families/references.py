@@ -3,7 +3,7 @@ same paint was read as a tint or over cards.
 
 A table of reflectance is read, whatever its format. The name of each spectrum says which pigment it
 is of, or a column `family` does; its ending or a recipe says what the reading is of
-(`film.partial_films`).
+(`film.readers`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,7 @@ from glazejax.spectra import Bands, common_range
 
 from ...film.films import Films, Instrument, InstrumentLike
 from ...film.model.response import film_response
-from ...film.partial_films import loose_films, recipes_from_names
-from ...film.readers import one_reading
+from ...film.readers import loose_films, one_reading, recipes_from_names
 from ...film.shared_bands import SEARCHED, average, running_mean
 from ...recover.joint.joint import recover_jointly
 from .features import surface_in
