@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from glazefit import simulate_films
-from glazefit.film.chain_file import Chain
+from glazefit.film.sample import Chain
 from glazefit.posterior.chain import Convergence, convergence, count_samples
 from glazejax.io import write_table
 

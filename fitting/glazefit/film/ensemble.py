@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .chain_file import Draws
 from .problem import FilmProblem
-from .sampling import Sampling
+from .sampling import Draws, Sampling
 from .solve import Laplace
 
 

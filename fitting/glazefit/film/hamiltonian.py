@@ -48,11 +48,10 @@ from jaxtyping import Array, Bool, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.linalg import solve_positive
 
-from .chain_file import Draws
 from .forward import PerUnknown, Scalar, Terms
 from .numerics.weighted import numbers_at
 from .problem import FilmProblem, block_log_probability
-from .sampling import Sampling
+from .sampling import Draws, Sampling
 from .solve import Gaussians, Laplace
 
 # Steps between two looks at the keyboard and the file.

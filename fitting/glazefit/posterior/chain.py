@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..film.chain_file import Chain
+from ..film.sample import Chain
 from ..film.solve import BlockFlags, PerBlock, load_arviz
 
 ENOUGH_SAMPLES = 400.0

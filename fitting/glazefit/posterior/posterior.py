@@ -21,13 +21,12 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
-from ..film.chain_file import Chain
 from ..film.films import Films, Instrument, InstrumentLike, Noise
 from ..film.gloss import estimate_gloss
 from ..film.model.errors import Prior
 from ..film.problem import FilmProblem
 from ..film.reading import Reading, readings
-from ..film.sample import draw_chain
+from ..film.sample import Chain, draw_chain
 from ..film.sampling import Sampling, SamplingOptions
 from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, load_arviz, solve
 from .bands import pose_bands
@@ -314,7 +313,7 @@ def posterior_of_film(
     Raises:
         ValueError: more films than one, paints that do not fit (see `pose_film`), too few walkers
             or steps, or a chain of another problem.
-        FileExistsError, FileNotFoundError: see `glazefit.film.chain_file`.
+        FileExistsError, FileNotFoundError: see `glazefit.film.sample.DrawsFile`.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
