@@ -81,9 +81,8 @@ def simulate(
     paints of each, and the truth by quantity, (films,) or (films, bands).
     """
     from glazefit import Films, Instrument, Noise, Prior
-    from glazefit.film.films import usual_cards
+    from glazefit.film.films import readings, usual_cards
     from glazefit.film.model.optics import Optics
-    from glazefit.film.reading import readings
     from glazejax import catalogue
 
     prior, instrument, noise = Prior(), Instrument(), Noise()
@@ -140,7 +139,7 @@ def films(count: int, rng: np.random.Generator, group: int) -> Posed:
 
 def bands(count: int, rng: np.random.Generator, group: int) -> Posed:
     from glazefit import Instrument, Noise, simulate_films
-    from glazefit.film.reading import readings
+    from glazefit.film.films import readings
     from glazefit.film.solve import solve
     from glazefit.posterior.bands import BandPrior, pose_bands
 

@@ -1,6 +1,8 @@
 from .film.films import Films as Films
 from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
+from .film.films import Reading as Reading
+from .film.films import reading_over as reading_over
 from .film.model.errors import ModelError as ModelError
 from .film.model.errors import Prior as Prior
 from .film.model.mixing import MixingLaw as MixingLaw
@@ -10,8 +12,6 @@ from .film.readers import read_films as read_films
 from .film.readers import read_loose_films as read_loose_films
 from .film.readers import read_recipes as read_recipes
 from .film.readers import recipes_from_names as recipes_from_names
-from .film.reading import Reading as Reading
-from .film.reading import reading_over as reading_over
 from .film.simulate import simulate_films as simulate_films
 from .identify.families.references import References as References
 from .identify.families.references import read_references as read_references

@@ -11,8 +11,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Instrument, Noise, posterior_of_bands, simulate_films
+from glazefit.film.films import readings
 from glazefit.film.problem import FilmProblem, Quantity
-from glazefit.film.reading import readings
 from glazefit.film.sample import draw_chain
 from glazefit.film.sampling import Sampling
 from glazefit.film.solve import find_modes, laplace

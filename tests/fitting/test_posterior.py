@@ -17,8 +17,8 @@ from glazefit import (
     reading_over,
     simulate_films,
 )
+from glazefit.film.films import readings
 from glazefit.film.problem import log_probability
-from glazefit.film.reading import readings
 from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.film import pose_film

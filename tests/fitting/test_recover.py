@@ -8,11 +8,11 @@ from numpy.testing import assert_allclose
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
 from glazefit.film.errors import ScaledReadings
+from glazefit.film.films import readings
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model.optics import Optics
 from glazefit.film.noise import estimate_noise
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
-from glazefit.film.reading import readings
 from glazefit.posterior.bands import pose_bands
 from glazefit.recover.films.film_by_film import (
     CHUNK,

@@ -24,9 +24,9 @@ from jaxtyping import Array, Float
 from glazejax.programs import Program
 from glazejax.radiative.common.chunks import in_chunks
 
+from .films import Reading
 from .forward import Film, PerUnknown, Scalar, Terms
 from .prior import Law, UnknownsCovariance
-from .reading import Reading
 
 FreeDraws: TypeAlias = Float[np.ndarray, "draws blocks dims"]
 """Draws of the free unknowns of each block."""

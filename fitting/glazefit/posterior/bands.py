@@ -20,10 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
-from ..film.films import CardReadings, Instrument
+from ..film.films import CardReadings, Instrument, Reading
 from ..film.forward import HIGHEST, pose_each_band
 from ..film.problem import FilmProblem, Quantity, fingerprint
-from ..film.reading import Reading
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
     from glazejax.io.quantity import Stated
 
-    from ..film.films import Films, Instrument, Noise
-    from ..film.reading import Reading
+    from ..film.films import Films, Instrument, Noise, Reading
     from .coats import CoatPrior
     from .posterior import Posterior
 
@@ -353,8 +352,8 @@ def _read_film(
     from glazejax.io import read_spectra
     from glazejax.io.spectra_table import row_of, there_are
 
+    from ..film.films import reading_over
     from ..film.readers import read_films
-    from ..film.reading import reading_over
     from ..film.shared_bands import PAINTS_KNOWN, crop, crop_bands
 
     if ground is None:

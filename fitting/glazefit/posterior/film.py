@@ -13,7 +13,7 @@ from glazejax import Pigment
 from glazejax.spectra import Bands
 
 from ..film.errors import PaintErrors, ScaledReadings, usual_errors, without_errors
-from ..film.films import CardReadings, Instrument
+from ..film.films import CardReadings, Instrument, Reading
 from ..film.forward import Film, FilmData, FilmShared, tabulate
 from ..film.model.errors import Prior, smooth_kernel
 from ..film.model.optics import Optics
@@ -21,7 +21,6 @@ from ..film.model.response import film_response
 from ..film.model.variation import STRENGTH
 from ..film.prior import FilmPrior
 from ..film.problem import FilmProblem, Quantity, fingerprint
-from ..film.reading import Reading
 from .coats import CoatPrior, SpectraPrior
 
 FreeAndRandom: TypeAlias = Float[np.ndarray, "*n numbers"]

@@ -21,11 +21,10 @@ from jaxtyping import Float
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
-from ..film.films import Films, Instrument, InstrumentLike, Noise
+from ..film.films import Films, Instrument, InstrumentLike, Noise, Reading, readings
 from ..film.gloss import estimate_gloss
 from ..film.model.errors import Prior
 from ..film.problem import FilmProblem
-from ..film.reading import Reading, readings
 from ..film.sample import Chain, draw_chain
 from ..film.sampling import Sampling, SamplingOptions
 from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, load_arviz, solve
