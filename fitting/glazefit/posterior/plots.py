@@ -33,7 +33,12 @@ def plot_corner(posterior: Posterior, path: str | Path) -> None:
 def plot_bands(posterior: Posterior, path: str | Path) -> None:
     """Draw what the posterior says along the spectrum, with bands of 90 %, to a file."""
     draw = _optical_bands if posterior.spectra() else _spectra_of_film
-    draw(posterior, path)
+    with picture(path, 11, 4.4) as figure:
+        left, right = figure.subplots(1, 2)
+        title = draw(posterior, left, right)
+        left.legend()
+        left.set_title(f"{posterior.films[0].name}: {title}")
+        right.set_title(_subtitle(posterior))
 
 
 def _thin(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
@@ -159,7 +164,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
         )
 
 
-def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
+def _spectra_of_film(posterior: Posterior, spectra: Any, residuals: Any) -> str:
     """Measured and fitted spectra, and their differences compared with what noise and
     model error allow.
     """
@@ -172,42 +177,34 @@ def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     back = np.linalg.inv(np.asarray(errors.whiten[0]))
     scale = 1.0 + (np.exp(np.median(draws[:, 0, -1])) * np.asarray(errors.spread[0])) ** 2
     allowed = np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(film.reflectance.shape)
-    with picture(path, 11, 4.4) as figure:
-        spectra, residuals = figure.subplots(1, 2)
-        for g, ground in enumerate(film.grounds):
-            colour = _COLOURS.get(ground, SAMPLED)
-            measured = film.reflectance[:, g]
-            fit, bound = middle[:, g], _NINETY * allowed[:, g]
-            over, thin = f"over {ground}", {"color": colour, "lw": 1}
-            spectra.plot(grid, measured, "o", c=colour, ms=4, mfc="none", label=f"{over}, measured")
-            spectra.plot(grid, fit, "-", c=colour, lw=1.2, label=f"{over}, median of the fit")
-            spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
-            residuals.plot(
-                grid, measured - fit, "o-", ms=3, label=f"{over}: measured - fit", **thin
-            )
-            residuals.plot(grid, bound, ":", **thin)
-            label = None if g else "90 % by noise and model error"
-            residuals.plot(grid, -bound, ":", label=label, **thin)
-        noise = _NINETY * film.sd.max(axis=1)
-        residuals.fill_between(
-            grid,
-            -noise,
-            noise,
-            color="0.6",
-            alpha=0.35,
-            lw=0,
-            label="90 % by the instrument's noise",
-        )
-        label_spectra(spectra, ylim=(0, 1.25 * max(film.reflectance.max(), high.max())))
-        spectra.legend()
-        spectra.set_title(f"{film.name}: {_mixture(posterior)}")
-        residuals.axhline(0, color="0.7", lw=0.8)
-        low, high = residuals.get_ylim()
-        label_spectra(
-            residuals, "difference in reflectance", ylim=(low, high + 0.45 * (high - low))
-        )
-        residuals.legend(loc="upper left")
-        residuals.set_title(_subtitle(posterior))
+    for g, ground in enumerate(film.grounds):
+        colour = _COLOURS.get(ground, SAMPLED)
+        measured = film.reflectance[:, g]
+        fit, bound = middle[:, g], _NINETY * allowed[:, g]
+        over, thin = f"over {ground}", {"color": colour, "lw": 1}
+        spectra.plot(grid, measured, "o", c=colour, ms=4, mfc="none", label=f"{over}, measured")
+        spectra.plot(grid, fit, "-", c=colour, lw=1.2, label=f"{over}, median of the fit")
+        spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
+        residuals.plot(grid, measured - fit, "o-", ms=3, label=f"{over}: measured - fit", **thin)
+        residuals.plot(grid, bound, ":", **thin)
+        label = None if g else "90 % by noise and model error"
+        residuals.plot(grid, -bound, ":", label=label, **thin)
+    noise = _NINETY * film.sd.max(axis=1)
+    residuals.fill_between(
+        grid,
+        -noise,
+        noise,
+        color="0.6",
+        alpha=0.35,
+        lw=0,
+        label="90 % by the instrument's noise",
+    )
+    label_spectra(spectra, ylim=(0, 1.25 * max(film.reflectance.max(), high.max())))
+    residuals.axhline(0, color="0.7", lw=0.8)
+    low, high = residuals.get_ylim()
+    label_spectra(residuals, "difference in reflectance", ylim=(low, high + 0.45 * (high - low)))
+    residuals.legend(loc="upper left")
+    return _mixture(posterior)
 
 
 def _mixture(posterior: Posterior) -> str:
@@ -223,47 +220,40 @@ def _mixture(posterior: Posterior) -> str:
     return ", ".join(amounts)
 
 
-def _optical_bands(posterior: Posterior, path: str | Path) -> None:
+def _optical_bands(posterior: Posterior, thicknesses: Any, ratios: Any) -> str:
     """k d and s d, and their ratio, with bands of 90 % by the chain and by Laplace."""
-    film = posterior.films[0]
-    grid = film.wavelengths
+    grid = posterior.films[0].wavelengths
     drawn = posterior.spectra()
     k, s, ratio = map(Numbers.of, drawn.values())
     approximate = map(Numbers.of, posterior.spectra(laplace=True).values())
-    with picture(path, 11, 4.4) as figure:
-        thicknesses, ratios = figure.subplots(1, 2)
-        curves = (
-            (thicknesses, k, ABSORPTION, "k d"),
-            (thicknesses, s, SCATTERING, "s d"),
-            (ratios, ratio, _RATIO, "k/s"),
-        )
-        for (panel, numbers, colour, label), rough in zip(curves, approximate, strict=True):
-            panel.plot(
-                grid, numbers.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median"
-            )
-            panel.fill_between(grid, numbers.lower, numbers.upper, color=colour, alpha=0.25, lw=0)
-            if posterior.chain is not None:
-                for n, edge in enumerate((rough.lower, rough.upper)):
-                    panel.plot(
-                        grid,
-                        edge,
-                        "--",
-                        color=colour,
-                        lw=0.9,
-                        label=None if n else f"{label}, 90 % by Laplace",
-                    )
-        low = min(k.median.min(), s.median.min())
-        high = max(k.upper.max(), s.upper.max())
-        label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
-        low = ratio.median.min()
-        high = ratio.median.max()
-        label_spectra(ratios, "k/s", yscale="log", ylim=(low / 3, high * 3))
-        # Grey columns.
-        edges = np.r_[grid[0], (grid[1:] + grid[:-1]) / 2, grid[-1]]
-        for n, b in enumerate(np.flatnonzero(only_ratio(drawn))):
-            label = None if n else "only k/s is known"
-            thicknesses.axvspan(edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=label)
-        thicknesses.legend()
-        ratios.legend()
-        thicknesses.set_title(f"{film.name}: bands of 90 %")
-        ratios.set_title(_subtitle(posterior))
+    curves = (
+        (thicknesses, k, ABSORPTION, "k d"),
+        (thicknesses, s, SCATTERING, "s d"),
+        (ratios, ratio, _RATIO, "k/s"),
+    )
+    for (panel, numbers, colour, label), rough in zip(curves, approximate, strict=True):
+        panel.plot(grid, numbers.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median")
+        panel.fill_between(grid, numbers.lower, numbers.upper, color=colour, alpha=0.25, lw=0)
+        if posterior.chain is not None:
+            for n, edge in enumerate((rough.lower, rough.upper)):
+                panel.plot(
+                    grid,
+                    edge,
+                    "--",
+                    color=colour,
+                    lw=0.9,
+                    label=None if n else f"{label}, 90 % by Laplace",
+                )
+    low = min(k.median.min(), s.median.min())
+    high = max(k.upper.max(), s.upper.max())
+    label_spectra(thicknesses, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
+    low = ratio.median.min()
+    high = ratio.median.max()
+    label_spectra(ratios, "k/s", yscale="log", ylim=(low / 3, high * 3))
+    # Grey columns.
+    edges = np.r_[grid[0], (grid[1:] + grid[:-1]) / 2, grid[-1]]
+    for n, b in enumerate(np.flatnonzero(only_ratio(drawn))):
+        label = None if n else "only k/s is known"
+        thicknesses.axvspan(edges[b], edges[b + 1], color="0.88", lw=0, zorder=0, label=label)
+    ratios.legend()
+    return "bands of 90 %"
