@@ -236,10 +236,6 @@ def fingerprint(kind: str, film: Reading, *settings: Any) -> str:
     measured = (film.wavelengths, film.reflectance, film.ground, film.sd, film.ground_sd)
     for item in (kind, *measured, *settings):
         array = np.asarray(item)
-        digest.update(
-            np.ascontiguousarray(array).tobytes()
-            if array.dtype.kind == "f"
-            else repr(item).encode()
-        )
+        digest.update(array.tobytes() if array.dtype.kind == "f" else repr(item).encode())
         digest.update(b"|")
     return digest.hexdigest()
