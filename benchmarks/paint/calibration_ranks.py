@@ -124,13 +124,14 @@ def simulate(
 
 
 def films(count: int, rng: np.random.Generator, group: int) -> Posed:
-    from glazefit import Instrument, Prior
+    from glazefit import CoatPrior, Instrument, Prior, SpectraPrior
     from glazefit.film.solve import solve
-    from glazefit.posterior.film import pose_film
+    from glazefit.posterior.film import pose_stack
 
     made, paints, truth = simulate(count, 1 + group % 3, rng)
+    settings = Instrument(), Prior(), SpectraPrior()
     problems = (
-        pose_film(film, chosen, Instrument(), Prior())
+        pose_stack(film, [CoatPrior(chosen)], *settings, kind="paints")
         for film, chosen in zip(made, paints, strict=True)
     )
     problem, modes = solve(side_by_side(problems))

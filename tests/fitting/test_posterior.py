@@ -8,10 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from glazefit import (
+    CoatPrior,
     Films,
     Instrument,
     Noise,
     Prior,
+    SpectraPrior,
     posterior_of_bands,
     posterior_of_film,
     reading_over,
@@ -21,7 +23,7 @@ from glazefit.film.films import readings
 from glazefit.film.problem import log_probability
 from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
-from glazefit.posterior.film import pose_film
+from glazefit.posterior.film import pose_stack
 from glazefit.posterior.identifiability import directions
 from glazefit.posterior.report import describe_misfit, describe_unsettled
 from glazefit.posterior.summary import Numbers, Row, Summary, compare
@@ -282,7 +284,10 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
     prior = Prior()
     (reading,) = readings(film_of(0.3), INSTRUMENT, NOISE)
-    problem, found = solve(pose_film(reading, [BLUE, WHITE], INSTRUMENT, prior))
+    coats = [CoatPrior([BLUE, WHITE])]
+    problem, found = solve(
+        pose_stack(reading, coats, INSTRUMENT, prior, SpectraPrior(), kind="paints")
+    )
     data, errors = problem.data, problem.data.expansion
     root = np.linalg.inv(np.asarray(errors.whiten[0]))
     part = root * np.asarray(errors.spread[0])

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit, softmax
 
-from glazejax import Pigment
 from glazejax.spectra import Bands
 
 from ..film.errors import PaintErrors, ScaledReadings, usual_errors, without_errors
@@ -25,21 +24,6 @@ from .coats import CoatPrior, SpectraPrior
 
 FreeAndRandom: TypeAlias = Float[np.ndarray, "*n numbers"]
 """Free unknowns, and random numbers where these follow."""
-
-
-def pose_film(
-    reading: Reading, paints: Sequence[Pigment], instrument: Instrument, prior: Prior
-) -> FilmProblem:
-    """Problem of a film of a single coat of known paints.
-
-    Raises:
-        ValueError: no paint, paints of which there is no coat (see `CoatPrior`), or that do not
-            cover the film's wavelengths.
-    """
-    if not paints:
-        raise ValueError(f"0 paints were given for {reading.name!r}; name one at least")
-    coats = [CoatPrior(paints)]
-    return pose_stack(reading, coats, instrument, prior, SpectraPrior(), kind="paints")
 
 
 def pose_stack(

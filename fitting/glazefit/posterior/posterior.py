@@ -31,7 +31,7 @@ from ..film.solve import TRUSTED_TAIL, Laplace, Modes, laplace, load_arviz, solv
 from .bands import pose_bands
 from .chain import Convergence, convergence
 from .coats import CoatPrior, SpectraPrior, check_coats
-from .film import pose_film, pose_stack
+from .film import pose_stack
 from .identifiability import Identifiability, identify_open
 from .summary import Numbers, Row, Summary, compare
 
@@ -310,14 +310,20 @@ def posterior_of_film(
             `glazefit.film.sampling.Sampling`.
 
     Raises:
-        ValueError: more films than one, paints that do not fit (see `pose_film`), too few walkers
-            or steps, or a chain of another problem.
+        ValueError: more films than one, no paint, paints of which there is no coat (see
+            `CoatPrior`) or that do not cover the film's wavelengths, too few walkers or steps, or a
+            chain of another problem.
         FileExistsError, FileNotFoundError: see `glazefit.film.sample.DrawsFile`.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     reading = _single_reading(film, instrument, noise or Noise())
-    problem = pose_film(reading, pigments, instrument, prior or Prior())
+    if not pigments:
+        raise ValueError(f"0 paints were given for {reading.name!r}; name one at least")
+    coats = [CoatPrior(pigments)]
+    problem = pose_stack(
+        reading, coats, instrument, prior or Prior(), SpectraPrior(), kind="paints"
+    )
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 
