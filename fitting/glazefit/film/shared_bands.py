@@ -33,7 +33,7 @@ class SharedBands(NamedTuple):
     mean: Float[np.ndarray, "bands new"]
     notes: tuple[str, ...]
 
-    def averaged(self, step: float) -> "SharedBands":
+    def in_steps(self, step: float) -> "SharedBands":
         """The same averaged to steps, nm, where they are finer."""
         coarser = means_of_steps(self.wavelengths, step)
         if coarser is None:
@@ -76,7 +76,7 @@ def shared_bands(
             "there, use paints that are known at your wavelengths (--pigments, --catalogue), or "
             "check the wavelengths"
         )
-    return crop_bands(wavelengths, first, last, PAINTS_KNOWN).averaged(step)
+    return crop_bands(wavelengths, first, last, PAINTS_KNOWN).in_steps(step)
 
 
 def every_band(wavelengths: Bands) -> SharedBands:
@@ -117,7 +117,7 @@ def average(films: Films, step: float = 5.0) -> Films:
 
     By default to 5 nm: k and s of paint change little over it.
     """
-    return every_band(films.wavelengths).averaged(step).of(films)
+    return every_band(films.wavelengths).in_steps(step).of(films)
 
 
 def means_of_steps(grid: Bands, step: float) -> Float[np.ndarray, "bands new"] | None:
