@@ -6,13 +6,12 @@ from jaxtyping import Float
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
 
-from .chunk import Chunk
 from .fit import rank
 from .pool import Pool
 from .refine import refine
 from .screen import alike_grounds, table_over
 from .surface import with_surface
-from .task import IdentificationTask, Measured, RowNumbers
+from .task import Chunk, IdentificationTask, Measured, RowNumbers
 
 CHUNK = 64
 """Spectra that are fitted at a time."""

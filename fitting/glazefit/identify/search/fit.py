@@ -23,11 +23,10 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.errors import Whitening, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.least_squares import damped_newton, inverse_small
-from .chunk import Chunk
 from .pool import NOBODY, Pool
 from .screen import grow_triples
 from .table import Block, FilmTable, NearestSets, Paints
-from .task import Expected, IdentificationTask, Number
+from .task import Chunk, Expected, IdentificationTask, Number
 
 FilmNumbers: TypeAlias = Int[np.ndarray, "films"]
 """A number for each film: its own, or that of its spectrum, its errors or its group."""

@@ -26,11 +26,10 @@ from ...film.model.errors import (
 )
 from ...film.model.response import FilmResponse
 from ...film.numerics.columns import Columns
-from .chunk import Chunk
 from .fit import FilmLogs, FilmNumbers, FilmSets, Weights, fit_all, fit_films, log_set_prior
 from .pool import NOBODY, Pool
 from .table import Block, Paints
-from .task import IdentificationTask
+from .task import Chunk, IdentificationTask
 
 FilmReadings: TypeAlias = Float[np.ndarray, "films readings"]
 """Readings of each film over all grounds in one row."""

@@ -21,7 +21,6 @@ from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
-from .chunk import Chunk
 from .table import (
     ALIKE,
     Block,
@@ -33,7 +32,7 @@ from .table import (
     film_readings,
     film_table,
 )
-from .task import TYPICAL_READING, IdentificationTask, OverGrounds, RowNumbers
+from .task import TYPICAL_READING, Chunk, IdentificationTask, OverGrounds, RowNumbers
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])

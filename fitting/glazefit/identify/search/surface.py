@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from .chunk import Chunk
 from .pool import Pool
+from .task import Chunk
 
 
 def with_surface(chunk: Chunk, pool: Pool) -> Pool:

@@ -1,7 +1,8 @@
-"""Task that the search for all spectra shares, and the spectra as it takes them."""
+"""Task that the search for all spectra shares, the spectra as it takes them, and their errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import jax
@@ -12,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax.spectra import Bands
 
 from ...film.films import Noise
-from ...film.model.errors import ModelError, Prior
+from ...film.model.errors import ModelError, Prior, model_correlation
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
@@ -22,6 +23,8 @@ OverGrounds: TypeAlias = Float[np.ndarray, "spectra grounds bands"]
 """Spectra of films over each of their grounds."""
 RowNumbers: TypeAlias = Int[np.ndarray, "rows"]
 """Numbers of some spectra."""
+Covariances: TypeAlias = Float[np.ndarray, "spectra readings readings"]
+"""A covariance of the readings of each spectrum."""
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
 Number = Float[Array | np.ndarray, ""] | float
@@ -221,3 +224,75 @@ class IdentificationTask(NamedTuple):
         `ModelError.apart`.
         """
         return max(float(np.ptp(self.wavelengths)) / self.discrepancy.apart, 1.0)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some spectra as fits take them: what they are to meet, and how well.
+
+    Covariances are (spectra, readings, readings), readings over all grounds in one row. They are
+    computed again where needed: kept, they would take most of the memory.
+    """
+
+    task: IdentificationTask
+    spectra: Measured
+
+    def __len__(self) -> int:
+        return len(self.spectra)
+
+    @cached_property
+    def target(self) -> FlatReadings:
+        """Readings without the mean surface: what a candidate's film is to meet."""
+        return self.spectra.flat - self.task.mean_surface
+
+    @cached_property
+    def tolerance(self) -> OverGrounds:
+        """Distance that counts as near to each reading when amounts and gloss are shown."""
+        # Near black .005, and .02 for each unit of reflectance.
+        return np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
+
+    @property
+    def noise_covariance(self) -> Covariances:
+        """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
+        other unknowns such as the amount of a varnish (`Measured.doubt`).
+        """
+        return diagonal_covariance(self.spectra.noise_sd) + self.noiseless_covariance
+
+    @property
+    def tolerance_covariance(self) -> Covariances:
+        """`noise_covariance` with what counts as near in place of noise, for the amounts that are
+        shown: these must not put a residual down to smooth errors of the paints.
+        """
+        return diagonal_covariance(self.tolerance) + self.noiseless_covariance
+
+    @property
+    def noiseless_covariance(self) -> Covariances:
+        """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
+        doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
+        return self.task.surface_sd**2 + np.swapaxes(doubt, 1, 2) @ doubt
+
+    @property
+    def smooth_covariance(self) -> Covariances:
+        """Covariance of the model's own smooth error, paints' coefficients aside."""
+        d = self.task.discrepancy
+        return self._smooth(d.amplitude + d.share * self.spectra.flat)
+
+    @property
+    def ranking_covariance(self) -> Covariances:
+        """Covariance of one smooth error that stands for all while candidates are looked for."""
+        # Smaller on dark films, whose readings differ by little: at 0 a tenth of the error at a
+        # middling reading.
+        dark = 0.1 + self.spectra.flat / TYPICAL_READING
+        return self._smooth(self.task.discrepancy.screening * dark)
+
+    def _smooth(self, amplitude: FlatReadings) -> Covariances:
+        d = self.task.discrepancy
+        grounds = self.spectra.readings.shape[1]
+        correlation = model_correlation(self.task.wavelengths, grounds, d.length, d.shared)
+        return amplitude[:, :, None] * amplitude[:, None] * correlation
+
+
+def diagonal_covariance(sd: OverGrounds) -> Covariances:
+    """Covariance of independent errors."""
+    flat = sd.reshape(len(sd), -1)
+    return flat[..., None] ** 2 * np.eye(flat.shape[-1])

@@ -16,10 +16,9 @@ from ..coats.arrangement import Arrangement
 from ..coats.readings import CoatedFilms
 from ..result import Identification
 from ..search.candidates import CHUNK
-from ..search.chunk import Chunk, diagonal_covariance
 from ..search.pool import NOBODY
 from ..search.refine import paints_covariance, slopes_at, slopes_by_amount
-from ..search.task import IdentificationTask
+from ..search.task import Chunk, IdentificationTask, diagonal_covariance
 from .explanation import FITS
 
 

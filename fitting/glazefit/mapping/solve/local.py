@@ -19,7 +19,6 @@ from glazejax.radiative.common.chunks import by_blocks
 
 from ...film.colour_metric import reading_metric
 from ...film.numerics.columns import Columns
-from ...identify.search.chunk import Chunk
 from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (
@@ -32,7 +31,7 @@ from ...identify.search.refine import (
 )
 from ...identify.search.searcher import Searcher
 from ...identify.search.surface import nuisance_modes
-from ...identify.search.task import IdentificationTask, Measured
+from ...identify.search.task import Chunk, IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds, evidence_shares
 from ..store.layout import PLACES
