@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp
 
+from ..search.candidates import with_surface
 from ..search.fit import FilmNumbers, Fitted, pool_of
 from ..search.pool import Pool
 from ..search.refine import Groups, move_readings, near_errors, slopes_by_amount
-from ..search.surface import with_surface
 from ..search.task import Chunk, IdentificationTask, Measured
 from .arrangement import Arrangement, PaintNumbers
 from .evidence import Evidence

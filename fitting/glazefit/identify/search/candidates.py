@@ -1,5 +1,7 @@
 """Candidates of spectra: sets from the screen, ranked, the best refined, read as they are seen."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -10,7 +12,6 @@ from .fit import rank
 from .pool import Pool
 from .refine import refine
 from .screen import alike_grounds, table_over
-from .surface import with_surface
 from .task import Chunk, IdentificationTask, Measured, RowNumbers
 
 CHUNK = 64
@@ -35,3 +36,26 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
     pool = Pool.join(in_threads(fit, parts))
     # Back in the order of the spectra.
     return pool.take(np.argsort(np.concatenate([rows for rows, _ in parts])))
+
+
+def with_surface(chunk: Chunk, pool: Pool) -> Pool:
+    """The pool with readings as they are seen, and amounts in metres.
+
+    How much the surface adds, and the other unknowns of `Measured.doubt`, are estimated from each
+    candidate's residual.
+    """
+    task = chunk.task
+    off = chunk.target[:, None] - pool.readings
+    estimates = off @ np.swapaxes(chunk.shape_estimator, 1, 2)
+    added = np.maximum(task.mean_surface + task.surface_sd * estimates[..., 0], 0.0)
+    # As a share of a smooth surface's; an instrument that sees none of that has no such share.
+    gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
+    log_thickness = np.log(task.prior.thickness)
+    return replace(
+        pool,
+        logs=pool.logs + log_thickness,
+        weighed=pool.weighed + log_thickness,
+        readings=pool.readings + added[..., None] + estimates[..., 1:] @ chunk.shapes[:, 1:],
+        adjusted=pool.adjusted + task.mean_surface,
+        gloss=gloss,
+    )

@@ -337,5 +337,5 @@ def coefficient_projection(
     spectra = Chunk(task, chunk.spectra.take(used))
     white = whitening(spectra.tolerance_covariance[inverse] + free).basis
     # All by which a film may be off, but for what counts as near.
-    near = spectra.tolerance.reshape(len(used), -1, 1)[inverse] ** 2
+    near = spectra.tolerance[inverse, :, None] ** 2
     return np.eye(near.shape[1]) - near * (np.swapaxes(white, 1, 2) @ white)

@@ -25,6 +25,8 @@ RowNumbers: TypeAlias = Int[np.ndarray, "rows"]
 """Numbers of some spectra."""
 Covariances: TypeAlias = Float[np.ndarray, "spectra readings readings"]
 """A covariance of the readings of each spectrum."""
+Shapes: TypeAlias = Float[np.ndarray, "spectra shapes readings"]
+"""Errors of known shapes, or numbers by which they are estimated."""
 # A middling reflectance: errors that rank sets of paints are stated for it.
 TYPICAL_READING = 0.3
 Number = Float[Array | np.ndarray, ""] | float
@@ -246,30 +248,44 @@ class Chunk:
         return self.spectra.flat - self.task.mean_surface
 
     @cached_property
-    def tolerance(self) -> OverGrounds:
+    def tolerance(self) -> FlatReadings:
         """Distance that counts as near to each reading when amounts and gloss are shown."""
         # Near black .005, and .02 for each unit of reflectance.
-        return np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
+        near = np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
+        return near.reshape(len(self), -1)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Errors that move all bands of a reading together, as large as their standard deviation:
+        the unknown gloss, and other unknowns such as the amount of a varnish (`Measured.doubt`).
+        """
+        gloss = np.full_like(self.spectra.readings[:, None], self.task.surface_sd)
+        shapes = np.concatenate([gloss, self.spectra.doubt], axis=1)
+        return shapes.reshape(*shapes.shape[:2], -1)
+
+    @property
+    def shape_estimator(self) -> Shapes:
+        """Matrix that estimates from a residual how many standard deviations of each of the
+        `shapes` are in it: ridge regression, with errors that are independent from band to band.
+        """
+        precise = self.shapes / self.tolerance[:, None] ** 2
+        normal = precise @ np.swapaxes(self.shapes, 1, 2) + np.eye(self.shapes.shape[1])
+        return np.linalg.solve(normal, precise)
 
     @property
     def noise_covariance(self) -> Covariances:
-        """Covariance of the readings' errors that come from noise, from the unknown gloss, and from
-        other unknowns such as the amount of a varnish (`Measured.doubt`).
-        """
-        return diagonal_covariance(self.spectra.noise_sd) + self.noiseless_covariance
+        """Covariance of the readings' errors that come from noise, and of the `shapes`."""
+        return self._with_shapes(self.spectra.noise_sd)
 
     @property
     def tolerance_covariance(self) -> Covariances:
         """`noise_covariance` with what counts as near in place of noise, for the amounts that are
         shown: these must not put a residual down to smooth errors of the paints.
         """
-        return diagonal_covariance(self.tolerance) + self.noiseless_covariance
+        return self._with_shapes(self.tolerance)
 
-    @property
-    def noiseless_covariance(self) -> Covariances:
-        """`noise_covariance` without the noise: unknown gloss and other unknowns alone."""
-        doubt = self.spectra.doubt.reshape(*self.spectra.doubt.shape[:2], self.target.shape[1])
-        return self.task.surface_sd**2 + np.swapaxes(doubt, 1, 2) @ doubt
+    def _with_shapes(self, sd: Float[np.ndarray, "spectra ..."]) -> Covariances:
+        return diagonal_covariance(sd) + np.swapaxes(self.shapes, 1, 2) @ self.shapes
 
     @property
     def smooth_covariance(self) -> Covariances:
@@ -292,7 +308,7 @@ class Chunk:
         return amplitude[:, :, None] * amplitude[:, None] * correlation
 
 
-def diagonal_covariance(sd: OverGrounds) -> Covariances:
+def diagonal_covariance(sd: Float[np.ndarray, "spectra ..."]) -> Covariances:
     """Covariance of independent errors."""
     flat = sd.reshape(len(sd), -1)
     return flat[..., None] ** 2 * np.eye(flat.shape[-1])

@@ -30,7 +30,6 @@ from ...identify.search.refine import (
     slopes_by_amount,
 )
 from ...identify.search.searcher import Searcher
-from ...identify.search.surface import nuisance_modes
 from ...identify.search.task import Chunk, IdentificationTask, Measured
 from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
 from ...identify.search.weigh import Odds, evidence_shares
@@ -272,11 +271,10 @@ def _linear(
     close = near_errors(chunk).basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
     eye = np.eye(films.readings.shape[1])
-    shapes, solved = nuisance_modes(chunk)
     # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
     missed = eye - body
-    surface = (np.swapaxes(shapes, 1, 2) @ solved)[row]
+    surface = (np.swapaxes(chunk.shapes, 1, 2) @ chunk.shape_estimator)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
     slope = condition.slope.reshape(len(chunk), 1, -1)[row]
     numbers = (task.discrepancy.freedom, min(task.independent_readings, len(eye)))
