@@ -11,11 +11,14 @@ from glazejax.radiative.common.threads import in_threads
 from .fit import rank
 from .pool import Pool
 from .refine import refine
-from .screen import alike_grounds, table_over
+from .screen import table_over
 from .task import Chunk, IdentificationTask, Measured, RowNumbers
 
 CHUNK = 64
 """Spectra that are fitted at a time."""
+# Grounds of spectra searched together that differ by no more share a table; each film is then
+# fitted with its own.
+_ALIKE = 0.04
 
 
 def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
@@ -29,8 +32,8 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
         return with_surface(chunk, refine(chunk, rank(chunk, table_over(task, ground))))
 
     parts = [
-        (chunk, ground)
-        for rows, ground in alike_grounds(measured.grounds)
+        (chunk, measured.grounds[rows].mean(axis=0))
+        for rows in measured.by_grounds(_ALIKE)
         for chunk in pieces_of(rows, CHUNK)
     ]
     pool = Pool.join(in_threads(fit, parts))

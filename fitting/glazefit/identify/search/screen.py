@@ -22,7 +22,6 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.errors import model_correlation, whitening
 from ...film.model.response import FilmResponse
 from .table import (
-    ALIKE,
     Block,
     FilmTable,
     Grounds,
@@ -32,7 +31,7 @@ from .table import (
     film_readings,
     film_table,
 )
-from .task import TYPICAL_READING, Chunk, IdentificationTask, OverGrounds, RowNumbers
+from .task import TYPICAL_READING, Chunk, IdentificationTask
 
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
@@ -70,17 +69,6 @@ def table_over(task: IdentificationTask, ground: Grounds) -> FilmTable:
         if len(_TABLES) > 16:
             _TABLES.pop(next(iter(_TABLES)))
         return table
-
-
-def alike_grounds(grounds: OverGrounds) -> list[tuple[RowNumbers, Grounds]]:
-    """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
-    remaining = np.arange(len(grounds))
-    groups = []
-    while remaining.size:
-        near = np.abs(grounds[remaining] - grounds[remaining[0]]).max(axis=(1, 2)) < ALIKE
-        groups.append((remaining[near], grounds[remaining[near]].mean(axis=0)))
-        remaining = remaining[~near]
-    return groups
 
 
 def common_whitening(task: IdentificationTask, grounds: int) -> WhiteningMatrix:

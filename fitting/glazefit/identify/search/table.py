@@ -33,10 +33,6 @@ Block: TypeAlias = Int[np.ndarray, "block"]
 """Numbers of the films, or of the spectra, that are computed together."""
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
-ALIKE = 0.04
-"""Grounds of spectra searched together that differ by less share a table; each film is then fitted
-with its own.
-"""
 _FILMS_AT_A_TIME = 4096
 # Fractions of the first paint of a pair: strong paints show at a thousandth, weak ones drown at
 # nine tenths.

@@ -120,12 +120,20 @@ class Measured:
             self, **{name: getattr(self, name) @ mean for name in ("wavelengths", *_OF_SPECTRA)}
         )
 
-    def by_grounds(self) -> list[RowNumbers]:
-        """Numbers of the spectra over each ground: they share what is computed."""
-        rows: dict[bytes, list[int]] = {}
-        for row, ground in enumerate(self.grounds):
-            rows.setdefault(ground.tobytes(), []).append(row)
-        return [np.array(group) for group in rows.values()]
+    def by_grounds(self, alike: float = 0.0) -> list[RowNumbers]:
+        """Numbers of the spectra over each ground: they share what is computed.
+
+        Args:
+            alike: grounds that differ by no more, in internal reflectance, count as one.
+        """
+        remaining = np.arange(len(self))
+        groups = []
+        while remaining.size:
+            off = np.abs(self.grounds[remaining] - self.grounds[remaining[0]])
+            near = off.max(axis=(1, 2)) <= alike
+            groups.append(remaining[near])
+            remaining = remaining[~near]
+        return groups
 
     @property
     def flat(self) -> FlatReadings:
