@@ -27,7 +27,7 @@ def pool(misfit, log_weight: Any = 0.0, sets=None):
     count = len(misfit)
     sets = sets or [[paint] for paint in range(count)]
     members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
-    readings = 0.5 + 0.01 * np.array(misfit)[None, :, None] * np.ones(GRID.size)
+    readings = 0.5 + 0.01 * np.array(misfit)[None, :, None, None] * np.ones(GRID.size)
     return Pool(
         members,
         np.zeros((1, count, 3), int),

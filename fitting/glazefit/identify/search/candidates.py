@@ -42,7 +42,7 @@ def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
 
 
 def with_surface(chunk: Chunk, pool: Pool) -> Pool:
-    """The pool with readings as they are seen, and amounts in metres.
+    """The pool with readings over each ground as they are seen, and amounts in metres.
 
     How much the surface adds, and the other unknowns of `Measured.doubt`, are estimated from each
     candidate's residual.
@@ -54,11 +54,13 @@ def with_surface(chunk: Chunk, pool: Pool) -> Pool:
     # As a share of a smooth surface's; an instrument that sees none of that has no such share.
     gloss = added / task.surface if task.surface > 0 else np.ones_like(added)
     log_thickness = np.log(task.prior.thickness)
+    readings = pool.readings + added[..., None] + estimates[..., 1:] @ chunk.shapes[:, 1:]
+    shape = (*added.shape, *chunk.spectra.readings.shape[1:])
     return replace(
         pool,
         logs=pool.logs + log_thickness,
         weighed=pool.weighed + log_thickness,
-        readings=pool.readings + added[..., None] + estimates[..., 1:] @ chunk.shapes[:, 1:],
-        adjusted=pool.adjusted + task.mean_surface,
+        readings=readings.reshape(shape),
+        adjusted=(pool.adjusted + task.mean_surface).reshape(shape),
         gloss=gloss,
     )

@@ -1,6 +1,6 @@
 """Candidates of spectra while they are searched for."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -12,8 +12,10 @@ PerSpectrum: TypeAlias = Float[np.ndarray, "spectra"]
 """A number for each spectrum."""
 PerCandidate: TypeAlias = Float[np.ndarray, "spectra candidates"]
 """A number for each candidate of each spectrum."""
-CandidateReadings: TypeAlias = Float[np.ndarray, "spectra candidates readings"]
-"""Readings of each candidate over all grounds in one row."""
+CandidateReadings: TypeAlias = Float[np.ndarray, "spectra candidates *readings"]
+"""Readings of each candidate: while it is fitted over all grounds in one row, then over each
+ground.
+"""
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
 
@@ -49,15 +51,6 @@ class Pool(Columns):
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]
         return Pool(**{name: values[rows, chosen] for name, values in self.arrays().items()})
-
-    def at_bands(self, to_bands: Float[np.ndarray, "bands new"]) -> "Pool":
-        """The candidates with their readings at other bands, by a matrix."""
-
-        def moved(readings: CandidateReadings) -> np.ndarray:
-            by_ground = readings.reshape(*readings.shape[:2], -1, len(to_bands))
-            return (by_ground @ to_bands).reshape(*readings.shape[:2], -1)
-
-        return replace(self, readings=moved(self.readings), adjusted=moved(self.adjusted))
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
         """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;

@@ -153,7 +153,10 @@ class Searcher(NamedTuple):
 
                 # Between the means, lines, which go on beyond the first and the last.
                 lines = make_interp_spline(few.wavelengths, np.eye(few.wavelengths.size), k=1)
-                pool = pool.at_bands(lines(batch.wavelengths).T)
+                to_bands = lines(batch.wavelengths).T
+                pool = replace(
+                    pool, readings=pool.readings @ to_bands, adjusted=pool.adjusted @ to_bands
+                )
             yield batch, pool, odds
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, limits_under, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
-from .pool import Pool
+from .pool import CandidateReadings, Pool
 from .task import IdentificationTask, Measured, OverGrounds, RowNumbers
 from .weigh import Odds, odds_of
 
@@ -189,13 +189,9 @@ def pool_under(condition: Condition, films: FilmsUnderCondition, pool: Pool) -> 
     """
     task = films.task
 
-    def add_varnish(readings: np.ndarray) -> np.ndarray:
-        shape = films.measured.readings.shape[1:]
-        body = readings.reshape(*readings.shape[:2], *shape) - task.surface
+    def add_varnish(readings: CandidateReadings) -> np.ndarray:
         thickness = AMOUNTS[condition.varnish][0] * yellow(films.measured.wavelengths)
-        return (under_varnish(task.response, body, thickness) + task.surface).reshape(
-            readings.shape
-        )
+        return under_varnish(task.response, readings - task.surface, thickness) + task.surface
 
     if condition.varnish:
         pool = replace(

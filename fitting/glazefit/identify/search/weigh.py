@@ -18,6 +18,8 @@ REJECTED = 4.0
 
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 100.0
+# Draws of noise whose colours are compared.
+_DRAWS = 8
 
 
 class Misfits(NamedTuple):
@@ -110,21 +112,41 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
 
 
-def _of_noise(measured: Measured) -> PerSpectrum:
-    """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
-    cannot be seen.
-    """
-    # Smaller noise has no part in a colour that could be seen.
+def _misfits(measured: Measured, pool: Pool) -> Misfits:
+    """Misfits of the candidates of the largest share."""
+    # The colour of a spectrum costs as much as its fit: those of 40 are compared.
+    shares = evidence_shares(pool.log_weight)
+    chosen = np.argsort(-shares, axis=1, kind="stable")[:, :40]
+    at = np.arange(len(measured))[:, None], chosen
+    read = measured.readings[:, None]
+    # With the errors of their paints allowed.
+    allowed = pool.adjusted[at]
+    noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
+    square = np.mean((read - allowed) ** 2, axis=(-1, -2)) - noise
+    # What noise makes of the readings; where it is smaller, its colour could not be seen.
     noisy = measured.noise_sd.mean(axis=(1, 2)) > 0.002
-    if not noisy.any():
-        return np.zeros(len(measured))
-    draws = np.random.default_rng(0).standard_normal((8, *measured.readings.shape[1:]))
-    drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
-    off = _colour_difference(measured, np.maximum(drawn, 0.0))
-    return np.where(noisy, np.sqrt(np.mean(off**2, axis=1)), 0.0)
+    count = _DRAWS if noisy.any() else 0
+    draws = np.random.default_rng(0).standard_normal((count, *read.shape[2:]))
+    drawn = np.maximum(read + draws * measured.noise_sd[:, None], 0.0)
+    delta_e, adjusted_delta_e, off = (
+        _colour_difference(measured, readings) for readings in (pool.readings[at], allowed, drawn)
+    )
+
+    def place(values: np.ndarray) -> np.ndarray:
+        """Values of these candidates among all, where the others' are infinite."""
+        out = np.full(shares.shape, np.inf)
+        out[at] = values
+        return out
+
+    return Misfits(
+        delta_e=place(delta_e),
+        adjusted_delta_e=place(adjusted_delta_e),
+        residual=place(np.sqrt(np.maximum(square, 0.0))),
+        noise_delta_e=np.where(noisy, np.sqrt(np.sum(off**2, axis=1) / _DRAWS), 0.0),
+    )
 
 
-def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
+def _colour_difference(measured: Measured, computed: np.ndarray) -> PerCandidate:
     """`Measured.delta_e`, and a size like it where the bands give no colour."""
     off = measured.delta_e(computed)
     if np.isnan(off).all():
@@ -132,37 +154,3 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
             np.mean((measured.readings[:, None] - computed) ** 2, axis=(-1, -2))
         )
     return off
-
-
-def _misfits(measured: Measured, pool: Pool) -> Misfits:
-    """Misfits of the candidates of the largest share."""
-    # The colour of a spectrum costs as much as its fit: those of 40 are compared.
-    shares = evidence_shares(pool.log_weight)
-    chosen = np.argsort(-shares, axis=1, kind="stable")[:, :40]
-    rows = np.arange(len(measured))[:, None]
-    measured_readings = measured.readings[:, None]
-    noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
-    # Readings of the candidates as fitted, and with the errors of their paints allowed.
-    fitted, allowed = (
-        a[rows, chosen].reshape(*chosen.shape, *measured_readings.shape[2:])
-        for a in (pool.readings, pool.adjusted)
-    )
-    residual = np.sqrt(
-        np.maximum(np.mean((measured_readings - allowed) ** 2, axis=(-1, -2)) - noise, 0.0)
-    )
-
-    def place(values: np.ndarray) -> np.ndarray:
-        """Values of these candidates among all, where the others' are infinite."""
-        out = np.full(shares.shape, np.inf)
-        out[rows, chosen] = values
-        return out
-
-    delta_e, adjusted_delta_e = (
-        place(_colour_difference(measured, readings)) for readings in (fitted, allowed)
-    )
-    return Misfits(
-        delta_e=delta_e,
-        adjusted_delta_e=adjusted_delta_e,
-        residual=place(residual),
-        noise_delta_e=_of_noise(measured),
-    )

@@ -183,6 +183,7 @@ def _local_models(
     # moves.
     at = row, column
     read = measured.readings[row, 0]
+    fitted = pool.readings[row, column, 0]
     eye = np.eye(measured.wavelengths.size)
     arrays["left_by"] = metric @ (eye - arrays["left_by"])
     return {
@@ -199,15 +200,15 @@ def _local_models(
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
         "covariance": pool.covariance[at],
         "seen": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.misfits.delta_e[at]
+            np.einsum("ncb,nb->nc", metric, read - fitted), odds.misfits.delta_e[at]
         ),
         "seen_by": metric @ (eye - arrays["fitted_by"]),
         "left": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[at]),
+            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[row, column, 0]),
             odds.misfits.adjusted_delta_e[at],
         ),
         "shape": odds.misfits.residual[at],
-        "fitted": pool.readings[at],
+        "fitted": fitted,
     }
 
 
