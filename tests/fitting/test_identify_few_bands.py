@@ -68,9 +68,9 @@ def test_what_no_paint_reads_under_a_varnish_is_not_sought_under_it(monkeypatch)
     sought: list[tuple[str, ...]] = []
     search = unstated_conditions.find_candidates
 
-    def find(task, measured):
-        sought.append(measured.names)
-        return search(task, measured)
+    def find(films):
+        sought.append(films.spectra.names)
+        return search(films)
 
     monkeypatch.setattr(unstated_conditions, "find_candidates", find)
     yellow = np.linspace(0.12, 0.7, grid.size)

@@ -88,7 +88,7 @@ def probabilities(problem, found):
         pool,
         odds,
         paints=searcher.paints,
-        opaque=searcher.opaque,
+        opaque=searcher.task.hides,
         keep=3,
         spread=searcher.spread,
     )

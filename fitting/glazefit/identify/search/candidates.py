@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from glazejax.radiative.common.chunks import pieces_of
 from glazejax.radiative.common.threads import in_threads
@@ -12,7 +11,8 @@ from .fit import rank
 from .pool import Pool
 from .refine import refine
 from .screen import table_over
-from .task import Chunk, IdentificationTask, Measured, RowNumbers
+from .table import Grounds
+from .task import Chunk, RowNumbers
 
 CHUNK = 64
 """Spectra that are fitted at a time."""
@@ -21,20 +21,21 @@ CHUNK = 64
 _ALIKE = 0.04
 
 
-def find_candidates(task: IdentificationTask, measured: Measured) -> Pool:
+def find_candidates(films: Chunk) -> Pool:
     """Fitted candidates of spectra, of those over one ground together; `CHUNK` at a time, a few of
     these side by side.
     """
 
-    def fit(part: tuple[RowNumbers, Float[np.ndarray, "grounds bands"]]) -> Pool:
+    def fit(part: tuple[RowNumbers, Grounds]) -> Pool:
         rows, ground = part
-        chunk = Chunk(task, measured.take(rows))
-        return with_surface(chunk, refine(chunk, rank(chunk, table_over(task, ground))))
+        chunk = films.take(rows)
+        return with_surface(chunk, refine(chunk, rank(chunk, table_over(films.task, ground))))
 
+    spectra = films.spectra
     parts = [
-        (chunk, measured.grounds[rows].mean(axis=0))
-        for rows in measured.by_grounds(_ALIKE)
-        for chunk in pieces_of(rows, CHUNK)
+        (piece, spectra.grounds[rows].mean(axis=0))
+        for rows in spectra.by_grounds(_ALIKE)
+        for piece in pieces_of(rows, CHUNK)
     ]
     pool = Pool.join(in_threads(fit, parts))
     # Back in the order of the spectra.

@@ -5,7 +5,7 @@ A spectrum's way is one arc: screen, fit, refine, weigh. Where the odds leave it
 the same way again under conditions that nobody stated.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
 from .table import paints_of
-from .task import THOROUGH, USUAL, IdentificationTask, Measured
+from .task import THOROUGH, USUAL, Chunk, IdentificationTask, Measured, Tasks
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
 
@@ -51,15 +51,13 @@ class Searcher(NamedTuple):
     """Search that all spectra of a catalogue, an instrument and an expectation share.
 
     Attributes:
-        tasks: for films that let their ground through (False), and for films that hide it (True).
-        opaque: whether films are said to hide their ground.
+        tasks: for films that hide their ground, that let it through, and that lie as stated.
         paints: names of the catalogue's paints.
         varnish: what was stated of it.
         averaged: of fine bands, a search at fewer, and the steps that it averages to, nm.
     """
 
-    tasks: Mapping[bool, IdentificationTask]
-    opaque: bool
+    tasks: Tasks
     paints: tuple[str, ...]
     varnish: str
     averaged: "tuple[Searcher, float] | None"
@@ -98,17 +96,19 @@ class Searcher(NamedTuple):
             extenders=find_extenders(resampled, prior.thickness),
             max_paints=min(options.max_paints, len(resampled)),
             effort=THOROUGH if options.thorough else USUAL,
+            hides=False,
         )
         thick = opaque_prior(prior, resampled)
-        hiding = showing._replace(paints=paints_of(resampled, thick.thickness), prior=thick)
+        hiding = showing._replace(
+            paints=paints_of(resampled, thick.thickness), prior=thick, hides=True
+        )
         averaged = None
         step = max(SEARCHED, float(np.ptp(grid)) / _MOST_BANDS)
         mean = means_of_steps(grid, step)
         if mean is not None:
             averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
-            tasks={False: showing, True: hiding},
-            opaque=opaque,
+            tasks={False: showing, True: hiding, None: hiding if opaque else showing},
             paints=tuple(p.name for p in resampled),
             varnish=options.varnish or "unknown",
             averaged=averaged,
@@ -117,7 +117,7 @@ class Searcher(NamedTuple):
     @property
     def task(self) -> IdentificationTask:
         """The task for films as they were stated to be."""
-        return self.tasks[self.opaque]
+        return self.tasks[None]
 
     @property
     def spread(self) -> float:
@@ -143,10 +143,8 @@ class Searcher(NamedTuple):
         for rows in pieces_of(np.arange(len(measured)), _TOGETHER):
             batch = measured.take(rows)
             few = batch.in_steps(step)
-            pool = find_candidates(searcher.task, few)
-            pool, odds = search_unstated_conditions(
-                searcher.tasks, self.opaque, few, pool, self.varnish
-            )
+            pool = find_candidates(Chunk(searcher.task, few))
+            pool, odds = search_unstated_conditions(searcher.tasks, few, pool, self.varnish)
             if few is not batch:
                 # Most searches do not need this, and begin sooner without.
                 from scipy.interpolate import make_interp_spline

@@ -1,6 +1,6 @@
 """Task that the search for all spectra shares, the spectra as it takes them, and their errors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
@@ -196,6 +196,7 @@ class IdentificationTask(NamedTuple):
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     effort: Effort
+    hides: bool  # the films hide their ground
 
     @property
     def paint_count(self) -> int:
@@ -236,6 +237,12 @@ class IdentificationTask(NamedTuple):
         return max(float(np.ptp(self.wavelengths)) / self.discrepancy.apart, 1.0)
 
 
+Tasks: TypeAlias = Mapping[bool | None, IdentificationTask]
+"""Of a search, for films that hide their ground (True), that let it through (False), and that lie
+as stated (None).
+"""
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Some spectra as fits take them: what they are to meet, and how well.
@@ -249,6 +256,10 @@ class Chunk:
 
     def __len__(self) -> int:
         return len(self.spectra)
+
+    def take(self, rows: RowNumbers) -> "Chunk":
+        """Some of the spectra, by number."""
+        return replace(self, spectra=self.spectra.take(rows))
 
     @cached_property
     def target(self) -> FlatReadings:

@@ -5,7 +5,7 @@ Films are searched as they were said to be. Where the answer may rest on somethi
 are searched again as they would be seen under each of a few other conditions.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from ...film.model.response import FilmResponse
 from ...film.model.varnish import AMOUNTS, limits_under, under_varnish, without_varnish, yellow
 from .candidates import find_candidates
 from .pool import CandidateReadings, Pool
-from .task import IdentificationTask, Measured, OverGrounds, RowNumbers
+from .task import Chunk, Measured, OverGrounds, RowNumbers, Tasks
 from .weigh import Odds, odds_of
 
 
@@ -47,8 +47,7 @@ here as numbers.
 
 
 def search_unstated_conditions(
-    tasks: Mapping[bool, IdentificationTask],
-    opaque: bool,
+    tasks: Tasks,
     measured: Measured,
     pool: Pool,
     varnish: str,
@@ -60,32 +59,29 @@ def search_unstated_conditions(
     cannot show which is so. A dark one would make any colour darker, and is not tried.
 
     Args:
-        tasks: for films that let the ground through, and for films that hide it.
-        opaque: whether they were said to hide it.
+        tasks: of the `Searcher`.
         measured: spectra; those in doubt are searched again.
         pool: their candidates as stated.
         varnish: what was stated of it, one of `options.VARNISHES`.
     """
-    prior = tasks[opaque].prior
+    stated = tasks[None]
 
     def try_under(pool: Pool, conditions: Iterable[Condition], rows: RowNumbers) -> Pool:
         """The pool with candidates of some of the spectra under further conditions."""
         pools = []
         for condition in conditions:
-            films = films_under(condition, tasks, opaque, measured.take(rows))
+            films, slope = films_under(condition, tasks, measured.take(rows))
             # What no paint reads under a varnish has no candidates there.
-            possible = np.flatnonzero(np.isfinite(films.slope).all(axis=(1, 2)))
+            possible = np.flatnonzero(np.isfinite(slope).all(axis=(1, 2)))
             if possible.size:
                 films = films.take(possible)
-                candidates = pool_under(
-                    condition, films, find_candidates(films.task, films.measured)
-                )
+                candidates = pool_under(condition, films, slope[possible], find_candidates(films))
                 pools.append(candidates.spread(rows[possible], len(measured)))
         return pool.merge(*pools)
 
     # Conditions that are tried for every spectrum.
     everything = np.arange(len(measured))
-    if opaque:
+    if stated.hides:
         pool = try_under(pool, [_LIGHT_GROUND], everything)
     if condition := _VARNISHED.get(varnish):
         pool = try_under(pool, [condition], everything)
@@ -94,54 +90,37 @@ def search_unstated_conditions(
         under = pool.condition == CONDITIONS.index(condition)
         weight = pool.log_weight + np.where(under, -np.log(condition.chance), np.log(0.05))
         pool = replace(pool, log_weight=weight)
-    odds = odds_of(measured, pool, prior)
+    odds = odds_of(measured, pool, stated.prior)
     # Those that are tried where these leave a spectrum in doubt: none has more than a fifth.
     doubtful = everything[odds.none / odds.total > 0.2]
     if not len(doubtful):
         return pool, odds
-    if measured.readings.shape[1] == 1 and not opaque:
+    if measured.readings.shape[1] == 1 and not stated.hides:
         pool = try_under(pool, _OTHER_GROUNDS, doubtful)
     if varnish == "unknown":
         pool = try_under(pool, _VARNISHED.values(), doubtful)
-    return pool, odds_of(measured, pool, prior)
-
-
-class FilmsUnderCondition(NamedTuple):
-    """Films as they would be seen under a condition."""
-
-    task: IdentificationTask
-    opaque: bool  # whether they hide their ground
-    measured: Measured
-    slope: OverGrounds  # of these readings by those that were measured
-
-    def take(self, rows: RowNumbers) -> "FilmsUnderCondition":
-        """Some of the films, by number."""
-        return self._replace(measured=self.measured.take(rows), slope=self.slope[rows])
+    return pool, odds_of(measured, pool, stated.prior)
 
 
 def films_under(
-    condition: Condition,
-    tasks: Mapping[bool, IdentificationTask],
-    stated_opaque: bool,
-    measured: Measured,
-) -> FilmsUnderCondition:
-    """Films under one condition.
+    condition: Condition, tasks: Tasks, measured: Measured
+) -> tuple[Chunk, OverGrounds]:
+    """Films as they would be seen under one condition, and the slopes of these readings by those
+    that were measured; NaN for spectra that no paint reads under it.
 
     Args:
         condition: one of `CONDITIONS`.
-        tasks: for films that let the ground through, and for films that hide it.
-        stated_opaque: whether they were said to hide it.
+        tasks: of the `Searcher`.
         measured: the spectra as they were measured.
     """
-    opaque = stated_opaque if condition.opaque is None else condition.opaque
-    task = tasks[opaque]
+    task = tasks[condition.opaque]
     changed = measured
     slope = np.ones_like(measured.readings)
     if condition.ground is not None:
         changed = replace(changed, grounds=np.full_like(changed.grounds, condition.ground))
     if condition.varnish:
         changed, slope = remove_varnish(changed, task.response, task.surface, condition.varnish)
-    return FilmsUnderCondition(task, opaque, changed, slope)
+    return Chunk(task, changed), slope
 
 
 def remove_varnish(
@@ -179,18 +158,18 @@ def remove_varnish(
     return changed, np.where(possible, slope, np.nan)
 
 
-def pool_under(condition: Condition, films: FilmsUnderCondition, pool: Pool) -> Pool:
+def pool_under(condition: Condition, films: Chunk, slope: OverGrounds, pool: Pool) -> Pool:
     """Candidates under one condition as they compete with those of films that lie as stated.
 
     Args:
         condition: one of `CONDITIONS`.
-        films: the films under it.
+        films, slope: the films under it, and slopes of their readings (`films_under`).
         pool: their candidates.
     """
     task = films.task
 
     def add_varnish(readings: CandidateReadings) -> np.ndarray:
-        thickness = AMOUNTS[condition.varnish][0] * yellow(films.measured.wavelengths)
+        thickness = AMOUNTS[condition.varnish][0] * yellow(films.spectra.wavelengths)
         return under_varnish(task.response, readings - task.surface, thickness) + task.surface
 
     if condition.varnish:
@@ -198,7 +177,7 @@ def pool_under(condition: Condition, films: FilmsUnderCondition, pool: Pool) -> 
             pool, readings=add_varnish(pool.readings), adjusted=add_varnish(pool.adjusted)
         )
     # What changes of variables add to a spectrum's log density.
-    change = task.independent_readings * np.log(films.slope).mean(axis=(1, 2))
+    change = task.independent_readings * np.log(slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + change[:, None]
     if condition.ground is not None:
         # What hardly shows is no answer over a ground that nobody stated: it is the ground that is

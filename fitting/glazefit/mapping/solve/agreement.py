@@ -43,7 +43,7 @@ def agreement(
             Identification.of(
                 *batch,
                 paints=searcher.paints,
-                opaque=searcher.opaque,
+                opaque=searcher.task.hides,
                 keep=3,
                 spread=searcher.spread,
             )

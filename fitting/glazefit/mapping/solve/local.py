@@ -30,8 +30,8 @@ from ...identify.search.refine import (
     slopes_by_amount,
 )
 from ...identify.search.searcher import Searcher
-from ...identify.search.task import Chunk, IdentificationTask, Measured
-from ...identify.search.unstated_conditions import CONDITIONS, FilmsUnderCondition, films_under
+from ...identify.search.task import Chunk, IdentificationTask, Measured, OverGrounds
+from ...identify.search.unstated_conditions import CONDITIONS, films_under
 from ...identify.search.weigh import Odds, evidence_shares
 from ..store.layout import PLACES
 from .survey import SpectraReadings
@@ -169,13 +169,12 @@ def _local_models(
     brighter = replace(measured, readings=measured.readings + _STEP)
     # One linearization for all candidates under a condition.
     for number in np.unique(condition):
-        films, brighter_films = (
-            films_under(CONDITIONS[number], searcher.tasks, searcher.opaque, spectra)
-            for spectra in (measured, brighter)
-        )
-        bent = _density_slopes(films, brighter_films)
+        films, slope = films_under(CONDITIONS[number], searcher.tasks, measured)
+        _, brighter_slope = films_under(CONDITIONS[number], searcher.tasks, brighter)
+        bent = _density_slopes(films.task, slope, brighter_slope)
         rows = np.flatnonzero(condition == number)
-        models = _linear(films, pool, row[rows], column[rows]) | {"weight_by": bent[row[rows]]}
+        models = _linear(films, slope, pool, row[rows], column[rows])
+        models["weight_by"] = bent[row[rows]]
         for name, values in models.items():
             room = np.zeros((len(row), *values.shape[1:]), values.dtype)
             arrays.setdefault(name, room)[rows] = values
@@ -213,17 +212,15 @@ def _local_models(
 
 
 def _density_slopes(
-    films: FilmsUnderCondition, brighter: FilmsUnderCondition
+    task: IdentificationTask, slope: OverGrounds, brighter_slope: OverGrounds
 ) -> Float[np.ndarray, "spectra bands"]:
     """Slopes of what changes of variables add to a log density; see
     `glazefit.identify.search.unstated_conditions`.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        slope = (np.log(brighter.slope) - np.log(films.slope))[:, 0] / _STEP
+        bent = (np.log(brighter_slope) - np.log(slope))[:, 0] / _STEP
     # Readings darker than the varnish itself have no film below.
-    return (
-        films.task.independent_readings * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
-    )
+    return task.independent_readings * np.where(np.isfinite(bent), bent, 0.0) / bent.shape[-1]
 
 
 def _single(values: np.ndarray) -> np.ndarray:
@@ -242,14 +239,20 @@ def _of_length(
 
 
 def _linear(
-    condition: FilmsUnderCondition,
+    chunk: Chunk,
+    slope: OverGrounds,
     pool: Pool,
     row: Int[np.ndarray, "n"],
     column: Int[np.ndarray, "n"],
 ) -> dict[str, np.ndarray]:
-    """Slopes of candidates under one condition by the readings that were measured."""
-    task = condition.task
-    chunk = Chunk(task, condition.measured)
+    """Slopes of candidates under one condition by the readings that were measured.
+
+    Args:
+        chunk, slope: the films under it, and slopes of their readings (`films_under`).
+        pool: candidates of the spectra.
+        row, column: of those under this condition.
+    """
+    task = chunk.task
     films = CandidateFilms.of(pool, row, column, PLACES)
     sets = films.sets
     logs, weighed_logs = (
@@ -277,21 +280,21 @@ def _linear(
     missed = eye - body
     surface = (np.swapaxes(chunk.shapes, 1, 2) @ chunk.shape_estimator)[row]
     free = coefficient_projection(chunk, groups)[groups.of]
-    slope = condition.slope.reshape(len(chunk), 1, -1)[row]
+    by_measured = slope.reshape(len(chunk), 1, -1)[row]
     numbers = (task.discrepancy.freedom, min(task.independent_readings, len(eye)))
-    unseen = np.swapaxes(slope, 1, 2)
+    unseen = np.swapaxes(by_measured, 1, 2)
     return {
-        "opaque": np.full(len(row), condition.opaque),
-        "amounts_by": shown_gain * slope,
+        "opaque": np.full(len(row), task.hides),
+        "amounts_by": shown_gain * by_measured,
         "off": np.einsum("nib,nb->ni", white, residual),
-        "off_by": (white - followed) * slope,
-        "logs_by": gain * slope,
+        "off_by": (white - followed) * by_measured,
+        "logs_by": gain * by_measured,
         "gradient": gradient,
         "hessian": prior,
         "ratios": ratios,
         "numbers": np.broadcast_to(numbers, (len(row), 2)),
-        "fitted_by": (body + surface @ missed) * slope / unseen,
-        "left_by": (body + free @ missed) * slope / unseen,
+        "fitted_by": (body + surface @ missed) * by_measured / unseen,
+        "left_by": (body + free @ missed) * by_measured / unseen,
     }
 
 
