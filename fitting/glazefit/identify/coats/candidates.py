@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from ..search.candidates import with_surface
 from ..search.fit import FilmNumbers, Fitted, pool_of
 from ..search.pool import Pool
-from ..search.refine import Groups, move_readings, near_errors, slopes_by_amount
+from ..search.refine import Groups, move_readings, slopes_by_amount
 from ..search.task import Chunk, IdentificationTask, Measured
 from .arrangement import Arrangement, PaintNumbers
 from .evidence import Evidence
@@ -124,7 +124,7 @@ def _candidates(
 
     # Three of Gauss and Newton's steps from the most probable place of the grid, each of at most .3
     # in a log amount.
-    white = near_errors(chunk).basis
+    white = chunk.near_errors.basis
     logs = evidence.nearest[films]
     for _ in range(3):
         readings, slopes = coated.read_and_slopes(arrangement, np.exp(logs))

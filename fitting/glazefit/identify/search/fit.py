@@ -87,11 +87,11 @@ def rank(chunk: Chunk, table: FilmTable) -> Pool:
         amounts = np.clip(near.amounts.reshape(-1, size), LEAST, MOST)
         logs = np.where(sets == NOBODY, 0.0, np.log(amounts))
         fitted = fit_all(
-            chunk=chunk,
-            row=row,
-            sets=sets,
-            logs=logs,
-            errors=errors,
+            chunk,
+            row,
+            sets,
+            logs,
+            errors,
             own=row,
             steps=task.effort.ranking_steps,
             block=_BLOCK,

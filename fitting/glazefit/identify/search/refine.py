@@ -6,7 +6,7 @@ right paint with a trace of another. So errors are worked out once for each grou
 candidate stands, and again where that has moved to.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import jax
@@ -25,8 +25,16 @@ from ...film.model.errors import (
     whitening,
 )
 from ...film.model.response import FilmResponse
-from ...film.numerics.columns import Columns
-from .fit import FilmLogs, FilmNumbers, FilmSets, Weights, fit_all, fit_films, log_set_prior
+from .fit import (
+    FilmLogs,
+    FilmNumbers,
+    FilmSets,
+    Fitted,
+    Weights,
+    fit_all,
+    fit_films,
+    log_set_prior,
+)
 from .pool import NOBODY, Pool
 from .table import Block, Paints
 from .task import Chunk, IdentificationTask
@@ -60,34 +68,6 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     fit_films.ahead(*task.single, members, logs, ground, weights, steps=np.asarray(0))
 
 
-@dataclass(frozen=True)
-class CandidateFilms(Columns):
-    """Candidates of several spectra in one row."""
-
-    row: FilmNumbers  # of the spectrum
-    column: FilmNumbers  # in the pool
-    sets: FilmSets
-    logs: FilmLogs
-    covariance: Float[np.ndarray, "films size size"]
-    log_weight: Float[np.ndarray, "films"]
-    readings: FilmReadings
-
-    @classmethod
-    def of(cls, pool: Pool, row: FilmNumbers, column: FilmNumbers, size: int) -> "CandidateFilms":
-        """Those of a pool that stand there, with room for so many paints."""
-        at = row, column
-        sets = pool.members[at][:, :size]
-        return cls(
-            row=row,
-            column=column,
-            sets=sets,
-            logs=np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size]),
-            covariance=pool.covariance[at][:, :size, :size],
-            log_weight=pool.log_weight[at],
-            readings=pool.readings[at],
-        )
-
-
 class Groups(NamedTuple):
     """Films that stand for all with the same paints but for traces."""
 
@@ -108,25 +88,29 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     """
     task = chunk.task
     pool = pool.best(task.effort.kept_sets)
-    size = max(task.max_paints, 2)
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     row, column = np.nonzero(deficit <= task.effort.within)
-    films = CandidateFilms.of(pool, row, column, size)
+    paints = slice(max(task.max_paints, 2))
+    sets = pool.members[row, column, paints]
+    logs = np.where(sets == NOBODY, 0.0, pool.logs[row, column, paints])
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
-    films, _, _ = fit_with_errors(chunk, films)
+    fitted, _, _ = fit_with_errors(chunk, row, sets, logs, pool.log_weight[row, column])
     best = np.full(len(chunk), -np.inf)
-    np.maximum.at(best, films.row, films.log_weight)
-    films = films.take(best[films.row] - films.log_weight <= task.effort.within)
-    films, groups, _ = fit_with_errors(chunk, films)
+    np.maximum.at(best, row, fitted.log_evidence)
+    near = best[row] - fitted.log_evidence <= task.effort.within
+    row, column, sets = row[near], column[near], sets[near]
+    fitted, groups, _ = fit_with_errors(
+        chunk, row, sets, fitted.logs[near], fitted.log_evidence[near]
+    )
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
-    near = fit_all(
-        chunk=chunk,
-        row=films.row,
-        sets=films.sets,
-        logs=films.logs,
-        errors=near_errors(chunk),
-        own=films.row,
+    shown = fit_all(
+        chunk,
+        row,
+        sets,
+        fitted.logs,
+        chunk.near_errors,
+        own=row,
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
     )
@@ -136,15 +120,15 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         covariance=np.zeros_like(pool.covariance),
         adjusted=pool.readings.copy(),
     )
-    at = films.row, films.column
-    of_paints = (*at, slice(size))
-    absent = films.sets == NOBODY
-    out.log_weight[at] = films.log_weight
-    out.covariance[*of_paints, slice(size)] = films.covariance
-    out.logs[of_paints] = np.where(absent, -np.inf, near.logs)
-    out.weighed[of_paints] = np.where(absent, -np.inf, films.logs)
-    out.readings[at] = near.readings
-    out.adjusted[at] = move_readings(chunk, near.readings, groups)
+    absent = sets == NOBODY
+    # Nothing is known together with a paint that is not there.
+    apart = absent[:, :, None] | absent[:, None]
+    out.log_weight[row, column] = fitted.log_evidence
+    out.covariance[row, column, paints, paints] = np.where(apart, 0.0, fitted.covariance)
+    out.logs[row, column, paints] = np.where(absent, -np.inf, shown.logs)
+    out.weighed[row, column, paints] = np.where(absent, -np.inf, fitted.logs)
+    out.readings[row, column] = shown.readings
+    out.adjusted[row, column] = move_readings(chunk, shown.readings, groups)
     return out
 
 
@@ -198,49 +182,53 @@ def film_slopes(
 
 
 def fit_with_errors(
-    chunk: Chunk, films: CandidateFilms
-) -> tuple[CandidateFilms, Groups, Whitening]:
-    """Films fitted again with the errors of their groups; the groups, and the errors of each."""
+    chunk: Chunk,
+    row: FilmNumbers,
+    sets: FilmSets,
+    logs: FilmLogs,
+    log_weight: Float[np.ndarray, "films"],
+) -> tuple[Fitted, Groups, Whitening]:
+    """Films fitted again with the errors of their groups; the groups, and the errors of each.
+
+    Args:
+        chunk: the spectra.
+        row: spectrum of each film.
+        sets: its paints; a negative number is none.
+        logs: log amounts to start from.
+        log_weight: how probable it was; the most probable film of a group stands for it.
+
+    Returns:
+        Films with the prior of their sets in the evidence.
+    """
     task = chunk.task
-    groups = _group(task, films, slopes_at(chunk, films.sets, films.logs, films.row))
+    slopes = slopes_at(chunk, sets, logs, row)
+    # Groups of a spectrum's films by their paints but for traces.
+    size = sets.shape[1]
+    effect = np.sqrt(np.mean(slopes**2, axis=-1))
+    effect = np.hypot(effect[:, :size], effect[:, size:])
+    counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
+    main = np.sort(np.where(counts, sets, NOBODY), axis=1)
+    key = row.astype(np.int64)
+    for paint in main.T:
+        key = key * (task.paint_count + 1) + (paint + 1)
+    order = np.argsort(-log_weight, kind="stable")
+    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
+    best = order[first]
+    groups = Groups(of[np.argsort(order)], row[best], sets[best], slopes[best])
+
     errors = coefficient_errors(chunk, groups)
     fitted = fit_all(
-        chunk=chunk,
-        row=films.row,
-        sets=films.sets,
-        logs=films.logs,
-        errors=errors,
+        chunk,
+        row,
+        sets,
+        logs,
+        errors,
         own=groups.of,
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
     )
-    # Nothing is known together with a paint that is not there.
-    absent = films.sets == NOBODY
-    spread = np.where(absent[:, :, None] | absent[:, None, :], 0.0, fitted.covariance)
-    films = replace(
-        films,
-        logs=fitted.logs,
-        covariance=spread,
-        log_weight=fitted.log_evidence + log_set_prior(task, films.sets),
-        readings=fitted.readings,
-    )
-    return films, groups, errors
-
-
-def _group(task: IdentificationTask, films: CandidateFilms, slopes: FilmSlopes) -> Groups:
-    """Films by their paints but for traces; the most probable of each group stands for it."""
-    size = films.sets.shape[1]
-    effect = np.sqrt(np.mean(slopes**2, axis=-1))
-    effect = np.hypot(effect[:, :size], effect[:, size:])
-    counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
-    main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
-    key = films.row.astype(np.int64)
-    for paint in main.T:
-        key = key * (task.paint_count + 1) + (paint + 1)
-    order = np.argsort(-films.log_weight, kind="stable")
-    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
-    best = order[first]
-    return Groups(of[np.argsort(order)], films.row[best], films.sets[best], slopes[best])
+    log_weight = fitted.log_evidence + log_set_prior(task, sets)
+    return fitted._replace(log_evidence=log_weight), groups, errors
 
 
 def paints_covariance(
@@ -293,11 +281,6 @@ def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
 def block_size(readings: int) -> int:
     """Films that are fitted at a time, so that their errors take some megabytes at most."""
     return int(np.clip(2**22 // readings**2, 4, 128))
-
-
-def near_errors(chunk: Chunk) -> Whitening:
-    """Errors of each spectrum that count when the amounts to be shown are fitted."""
-    return whitening(chunk.tolerance_covariance)
 
 
 def move_readings(chunk: Chunk, readings: FilmReadings, groups: Groups) -> FilmReadings:

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax.spectra import Bands
 
 from ...film.films import Noise
-from ...film.model.errors import ModelError, Prior, model_correlation
+from ...film.model.errors import ModelError, Prior, Whitening, model_correlation, whitening
 from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ...film.shared_bands import means_of_steps
@@ -302,6 +302,11 @@ class Chunk:
         shown: these must not put a residual down to smooth errors of the paints.
         """
         return self._with_shapes(self.tolerance)
+
+    @property
+    def near_errors(self) -> Whitening:
+        """Errors that count when the amounts to be shown are fitted."""
+        return whitening(self.tolerance_covariance)
 
     def _with_shapes(self, sd: Float[np.ndarray, "spectra ..."]) -> Covariances:
         return diagonal_covariance(sd) + np.swapaxes(self.shapes, 1, 2) @ self.shapes

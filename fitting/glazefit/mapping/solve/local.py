@@ -22,10 +22,8 @@ from ...film.numerics.columns import Columns
 from ...identify.search.fit import prior_terms
 from ...identify.search.pool import NOBODY, Pool
 from ...identify.search.refine import (
-    CandidateFilms,
     coefficient_projection,
     fit_with_errors,
-    near_errors,
     slopes_at,
     slopes_by_amount,
 )
@@ -33,7 +31,6 @@ from ...identify.search.searcher import Searcher
 from ...identify.search.task import Chunk, IdentificationTask, Measured, OverGrounds
 from ...identify.search.unstated_conditions import CONDITIONS, films_under
 from ...identify.search.weigh import Odds, evidence_shares
-from ..store.layout import PLACES
 from .survey import SpectraReadings
 
 _STEP = 1e-3
@@ -253,14 +250,14 @@ def _linear(
         row, column: of those under this condition.
     """
     task = chunk.task
-    films = CandidateFilms.of(pool, row, column, PLACES)
-    sets = films.sets
+    sets = pool.members[row, column]
     logs, weighed_logs = (
         np.where(sets == NOBODY, 0.0, amounts[row, column] - np.log(task.prior.thickness))
         for amounts in (pool.logs, pool.weighed)
     )
-    films = replace(films, logs=weighed_logs)
-    weighed_films, groups, errors = fit_with_errors(chunk, films)
+    weighed_films, groups, errors = fit_with_errors(
+        chunk, row, sets, weighed_logs, pool.log_weight[row, column]
+    )
     weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
     shown_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
@@ -272,9 +269,9 @@ def _linear(
     root = np.linalg.inv(np.linalg.cholesky(prior))
     ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
-    close = near_errors(chunk).basis[row]
+    close = chunk.near_errors.basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
-    eye = np.eye(films.readings.shape[1])
+    eye = np.eye(residual.shape[1])
     # How the reading that is shown moves: the body, and the surface that takes what is left.
     body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
     missed = eye - body
