@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from glazejax.programs import Program
-from glazejax.radiative.common.chunks import by_blocks
+from glazejax.radiative.common.chunks import by_blocks, pieces_of
 
 from ...film.model.errors import (
     Whitening,
@@ -51,21 +51,20 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
     """Begin to compile what the best candidates are fitted with, over so many grounds, while others
     are still looked for; return at once.
     """
-    shape = (grounds, task.wavelengths.size)
-    readings = shape[0] * shape[1]
+    readings = grounds * task.wavelengths.size
     count = block_size(readings)
     members = np.zeros((count, max(task.max_paints, 2)), np.int32)
     logs = np.zeros(members.shape)
-    film_slopes.ahead(task.response, task.paints, members, logs, np.zeros((count, *shape)))
+    ground = np.zeros((count, grounds, task.wavelengths.size))
+    film_slopes.ahead(task.response, task.paints, members, logs, ground)
     weights = Weights(
-        target=np.zeros((count, readings), np.float32),
-        basis=np.zeros((count, readings, readings), np.float32),
-        height=np.zeros(count, np.float32),
-        expected=jax.tree.map(np.float32, task.expected),
+        target=np.zeros((count, readings)),
+        basis=np.zeros((count, readings, readings)),
+        height=np.zeros(count),
+        expected=task.expected,
     )
-    ground = np.zeros((count, *shape), np.float32)
-    logs = logs.astype(np.float32)
-    fit_films.ahead(*task.single, members, logs, ground, weights, steps=np.asarray(0))
+    single = jax.tree.map(np.float32, (logs, ground, weights))
+    fit_films.ahead(*task.single, members, *single, steps=np.asarray(0))
 
 
 class Groups(NamedTuple):
@@ -263,15 +262,14 @@ def paints_covariance(
 def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
     """Errors of films, from what their paints' coefficients do to the readings."""
     task = chunk.task
-    noise, smooth = chunk.noise_covariance, chunk.smooth_covariance
-    # Single precision does for what is added to the noise, and takes a third of the time.
+    common = chunk.noise_covariance + chunk.smooth_covariance
+    # Single precision does for what is added to these, and takes a third of the time.
     by = groups.slopes.astype(np.float32)
     single = task._replace(errors=task.errors.astype(np.float32))
 
     def some(n: Block) -> Whitening:
-        row, sets = groups.row[n], groups.sets[n]
-        caused = paints_covariance(single, by[n], sets)
-        white = whitening(noise[row] + (smooth[row] + caused))
+        caused = paints_covariance(single, by[n], groups.sets[n])
+        white = whitening(common[groups.row[n]] + caused)
         return white._replace(basis=white.basis.astype(np.float32))
 
     # A few at a time: matrices that stay in a core's cache.
@@ -294,31 +292,35 @@ def move_readings(chunk: Chunk, readings: FilmReadings, groups: Groups) -> FilmR
         groups: of the films.
     """
     off = chunk.target[groups.row[groups.of]] - readings
-    out = np.empty_like(readings)
+    out = readings.copy()
     # A few groups at a time: matrices that stay in a core's cache.
-    for first in range(0, len(groups.row), _ERRORS):
-        n = np.flatnonzero(groups.of // _ERRORS == first // _ERRORS)
-        subset = Groups(
-            groups.of[n] - first, *(values[first : first + _ERRORS] for values in groups[1:])
+    for some in pieces_of(np.arange(len(groups.row)), _ERRORS):
+        n = np.flatnonzero(np.isin(groups.of, some))
+        free = coefficient_projection(
+            chunk, groups.row[some], groups.sets[some], groups.slopes[some]
         )
-        free = coefficient_projection(chunk, subset)[subset.of]
-        out[n] = readings[n] + np.einsum("fij,fj->fi", free, off[n])
+        out[n] += np.einsum("fij,fj->fi", free[groups.of[n] - some[0]], off[n])
     return out
 
 
 def coefficient_projection(
-    chunk: Chunk, groups: Groups
-) -> Float[np.ndarray, "groups readings readings"]:
-    """Matrix from a film's residual to the part of it that errors of its paints' k and s most
+    chunk: Chunk, row: FilmNumbers, sets: FilmSets, slopes: FilmSlopes
+) -> Float[np.ndarray, "films readings readings"]:
+    """Matrix from each film's residual to the part of it that errors of its paints' k and s most
     probably cause.
+
+    Args:
+        chunk: the spectra.
+        row: spectrum of each film.
+        sets: its paints.
+        slopes: of its readings.
     """
     task = chunk.task
     # What the pigments say of their errors, and no more.
     stated = replace(task.discrepancy, coefficient=0.0, level=0.0)
-    free = paints_covariance(task._replace(discrepancy=stated), groups.slopes, groups.sets)
-    used, inverse = np.unique(groups.row, return_inverse=True)
-    spectra = Chunk(task, chunk.spectra.take(used))
-    white = whitening(spectra.tolerance_covariance[inverse] + free).basis
+    free = paints_covariance(task._replace(discrepancy=stated), slopes, sets)
+    spectra = chunk.take(row)
+    white = whitening(spectra.tolerance_covariance + free).basis
     # All by which a film may be off, but for what counts as near.
-    near = spectra.tolerance[inverse, :, None] ** 2
+    near = spectra.tolerance[:, :, None] ** 2
     return np.eye(near.shape[1]) - near * (np.swapaxes(white, 1, 2) @ white)

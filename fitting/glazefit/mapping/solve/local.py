@@ -276,7 +276,7 @@ def _linear(
     body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
     missed = eye - body
     surface = (np.swapaxes(chunk.shapes, 1, 2) @ chunk.shape_estimator)[row]
-    free = coefficient_projection(chunk, groups)[groups.of]
+    free = coefficient_projection(chunk, groups.row, groups.sets, groups.slopes)[groups.of]
     by_measured = slope.reshape(len(chunk), 1, -1)[row]
     numbers = (task.discrepancy.freedom, min(task.independent_readings, len(eye)))
     unseen = np.swapaxes(by_measured, 1, 2)
