@@ -134,17 +134,16 @@ def grow(
         Sets, not sorted and some of them twice, pair first; and their amounts, a few of the third
         paint's.
     """
-    spectra, pair_count, _ = pairs.shape
-    thirds = np.broadcast_to(np.arange(count, dtype=np.int32), (spectra, pair_count, count))
-    distinct = (thirds[..., None] != pairs[:, :, None, :]).all(axis=-1)
-    thirds = thirds[distinct].reshape(spectra, pair_count, count - 2)
-    repeated = np.broadcast_to(pairs[:, :, None, :], (*thirds.shape, 2))
-    sets = np.concatenate([repeated, thirds[..., None]], axis=-1)
-    total = amounts.sum(axis=-1)[..., None, None] * _THIRDS
-    tried = np.broadcast_to(amounts[:, :, None, None, :], (*thirds.shape, _THIRDS.size, 2))
-    third = np.broadcast_to(total, tried.shape[:-1])
-    tried = np.concatenate([tried, third[..., None]], axis=-1)
-    return sets.reshape(spectra, -1, 3), tried.reshape(spectra, -1, _THIRDS.size, 3)
+    everyone = np.broadcast_to(np.arange(count), (*pairs.shape[:2], count))
+    others = (everyone[..., None] != pairs[:, :, None]).all(axis=-1)
+    thirds = everyone[others].reshape(*pairs.shape[:2], count - 2)
+    sets = np.empty((*thirds.shape, 3), np.int32)
+    sets[..., :2] = pairs[:, :, None]
+    sets[..., 2] = thirds
+    tried = np.empty((*thirds.shape, _THIRDS.size, 3))
+    tried[..., :2] = amounts[:, :, None, None]
+    tried[..., 2] = amounts.sum(axis=-1)[..., None, None] * _THIRDS
+    return sets.reshape(len(pairs), -1, 3), tried.reshape(len(pairs), -1, _THIRDS.size, 3)
 
 
 @Program
