@@ -7,7 +7,6 @@ with all films of a table by one product of matrices in single precision; the be
 fitted.
 """
 
-import functools
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
@@ -127,20 +126,20 @@ class FilmTable(NamedTuple):
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
         augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
 
-        def look(kind: TableOfSize, count: int | None, n: Block) -> NearestSets:
-            near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
-            least = alone[n, None] - 2.0 * near.max(axis=1)
-            best = np.argsort(least, axis=1, kind="stable")[:, :count]
-            where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
-            return NearestSets(kind.sets[best], kind.grid[where])
+        def look(n: Block) -> NearestSets:
+            sets = []
+            amounts = []
+            for kind, count in zip(self.sizes, (None, keep), strict=False):
+                near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
+                least = alone[n, None] - 2.0 * near.max(axis=1)
+                best = np.argsort(least, axis=1, kind="stable")[:, :count]
+                where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
+                sets.append(kind.sets[best])
+                amounts.append(kind.grid[where])
+            return NearestSets(np.concatenate(sets, axis=1), np.concatenate(amounts, axis=1))
 
         # Sixteen spectra at a time bound the memory.
-        block = min(16, len(spectra))
-        kinds = [
-            by_blocks(len(spectra), block, functools.partial(look, kind, count))
-            for kind, count in zip(self.sizes, (None, keep), strict=False)
-        ]
-        return NearestSets(*(np.concatenate(a, axis=1) for a in zip(*kinds, strict=True)))
+        return by_blocks(len(spectra), min(16, len(spectra)), look)
 
 
 class NearestSets(NamedTuple):
@@ -183,9 +182,9 @@ def film_table(
     middle = np.zeros(ground.size)
 
     def read(
-        sets: np.ndarray, grid: np.ndarray, numbers: np.ndarray, to: np.ndarray
+        sets: np.ndarray, grid: np.ndarray, to: np.ndarray
     ) -> Float[np.ndarray, "films components"]:
-        """Components of films by their numbers, set by set and in each point by point of the grid.
+        """Components of films, set by set and in each point by point of the grid.
 
         Of one shape for films of one paint and of two, so that one program is compiled.
         """
@@ -193,11 +192,11 @@ def film_table(
         below = ground.astype(np.float32)
 
         def run(n: Block) -> np.ndarray:
-            members, tries = sets[numbers[n] // len(grid)], amounts[numbers[n] % len(grid)]
+            members, tries = sets[n // len(grid)], amounts[n % len(grid)]
             films = _read(response, paints, members, tries, below)
             return np.asarray(films, np.float64).reshape(len(n), -1) @ to.T
 
-        return by_blocks(len(numbers), _FILMS_AT_A_TIME, run)
+        return by_blocks(len(sets) * len(grid), _FILMS_AT_A_TIME, run)
 
     if ground.size > COMPONENTS:
         # Many readings are projected to the components that films span.
@@ -206,8 +205,7 @@ def film_table(
             # Sets from all over them, at every point of the grid.
             some_sets = max(1, _FILMS_AT_A_TIME // len(grid))
             chosen = np.linspace(0, len(sets) - 1, some_sets).astype(int)
-            numbers = (chosen[:, None] * len(grid) + np.arange(len(grid))).ravel()
-            some.append(read(sets, grid, numbers, white))
+            some.append(read(sets[chosen], grid, white))
         films = np.concatenate(some)
         middle = films.mean(axis=0)
         off = films - middle
@@ -218,11 +216,8 @@ def film_table(
     middle = project @ middle
     tables = []
     for sets, grid in kinds:
-        films = read(sets, grid, np.arange(len(sets) * len(grid)), to_components) - middle
-        films = films.astype(np.float32)
-        films = (
-            films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(films.shape[1], -1)
-        )
+        films = (read(sets, grid, to_components) - middle).astype(np.float32)
+        films = films.reshape(len(sets), len(grid), -1).transpose(2, 1, 0).reshape(len(middle), -1)
         half = -0.5 * np.sum(films**2, axis=0)
         tables.append(TableOfSize(sets, grid, np.concatenate([films, half[None]])))
     return FilmTable(to_components, middle, white, tuple(tables))
