@@ -13,6 +13,7 @@ from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import under_varnish, yellow
 from glazefit.film.noise import noise_of_each
 from glazefit.identify.search.searcher import find_extenders
+from glazefit.identify.search.table import paints_of
 from glazefit.identify.search.weigh import log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
@@ -173,9 +174,8 @@ def test_noise_is_taken_from_the_spectrum_where_nobody_told_it():
 
 def test_extenders_are_those_that_hardly_show():
     known = list(catalogue.load().values())
-    hardly = [
-        paint.name for paint, yes in zip(known, find_extenders(known, UNIT), strict=True) if yes
-    ]
+    extenders = find_extenders(paints_of(known, UNIT))
+    hardly = [paint.name for paint, yes in zip(known, extenders, strict=True) if yes]
     assert hardly == ["BariumSulphate", "CalciumCarbonate"]
 
 

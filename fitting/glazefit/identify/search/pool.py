@@ -43,10 +43,6 @@ class Pool(Columns):
             **{name: np.concatenate([a[name] for a in arrays], axis=1) for name in arrays[0]}
         )
 
-    def best(self, count: int) -> "Pool":
-        """The most probable candidates of each spectrum."""
-        return self.choose(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
-
     def choose(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]

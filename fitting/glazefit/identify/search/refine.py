@@ -86,7 +86,8 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     would miss the reading. The amounts that are shown are therefore fitted without these errors.
     """
     task = chunk.task
-    pool = pool.best(task.effort.kept_sets)
+    ranked = np.argsort(-pool.log_weight, axis=1, kind="stable")
+    pool = pool.choose(ranked[:, : task.effort.kept_sets])
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     row, column = np.nonzero(deficit <= task.effort.within)
     paints = slice(max(task.max_paints, 2))

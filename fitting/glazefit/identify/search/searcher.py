@@ -30,7 +30,7 @@ from .candidates import CHUNK, find_candidates
 from .options import IdentificationOptions
 from .pool import Pool
 from .refine import compile_ahead
-from .table import paints_of
+from .table import Paints, paints_of
 from .task import THOROUGH, USUAL, Chunk, IdentificationTask, Measured, Tasks
 from .unstated_conditions import search_unstated_conditions
 from .weigh import Odds
@@ -82,9 +82,10 @@ class Searcher(NamedTuple):
         prior = options.prior or Prior()
         grid = validate_wavelengths(wavelengths)
         resampled = check_pigments(pigments, grid)
+        paints = paints_of(resampled, prior.thickness)
         showing = IdentificationTask(
             response=film_response(instrument),
-            paints=paints_of(resampled, prior.thickness),
+            paints=paints,
             errors=relative_errors(resampled, discrepancy),
             modes=error_modes(resampled, discrepancy).astype(np.float32),
             wavelengths=grid,
@@ -93,7 +94,7 @@ class Searcher(NamedTuple):
             noise=options.noise or Noise(),
             discrepancy=discrepancy,
             prior=prior,
-            extenders=find_extenders(resampled, prior.thickness),
+            extenders=find_extenders(paints),
             max_paints=min(options.max_paints, len(resampled)),
             effort=THOROUGH if options.thorough else USUAL,
             hides=False,
@@ -243,11 +244,9 @@ def opaque_prior(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     )
 
 
-def find_extenders(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
-    """True for paints that are extenders: a film of this thickness (m) lets most light through at
+def find_extenders(paints: Paints) -> Bool[np.ndarray, "paints"]:
+    """True for paints that are extenders: a film of usual thickness lets most light through at
     every wavelength.
     """
-    highest = [
-        np.max(np.asarray(p.absorption)) + np.max(np.asarray(p.scattering)) for p in pigments
-    ]
-    return thickness * np.array(highest) < 1.0
+    absorption, scattering = (np.asarray(values).max(axis=1) for values in paints)
+    return absorption + scattering < 1.0
