@@ -25,6 +25,7 @@ from glazefit.identify.coats.readings import (
     CoatedFilms,
     GridReadings,
     grid_readings,
+    node_logs,
 )
 from glazefit.identify.result.odds import DECIDED
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
@@ -50,6 +51,7 @@ def in_usual_coats(paints, *grounds):
     return CoatedFilms(
         coefficients=np.array(optical_depths(paints, 25e-6 * np.eye(len(paints)))),
         grounds=np.array(grounds or [GROUND]),
+        wavelengths=GRID,
         optics=Optics.of("45:0"),
         response=film_response("45:0"),
     )
@@ -86,7 +88,7 @@ def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
         ]
         assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
         # Where the upper coat is missing, the lower one is seen.
-        assert_allclose(table.patches[0, 15 * top + below], read(coats[1:]), atol=2e-3)
+        assert_allclose(table.patches[0][15 * top + below], read(coats[1:]), atol=2e-3)
 
 
 def test_slopes_are_those_of_the_readings(oils):
@@ -108,11 +110,11 @@ def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
     for grounds in ([GROUND], [np.full(GRID.size, 0.03), GROUND]):
         bodies = np.array([[read(coats, ground) for ground in grounds]])
         films = in_usual_coats([blue, white, yellow], *grounds)
-        pairs = nearest_pairs(bodies, films, GRID, np.zeros(3))
+        pairs = nearest_pairs(bodies, films, np.zeros(3))
         assert pairs[0, 0].tolist() == [1, 2]
         # A paint that is hardly ever there comes after.
         rare = np.log([1.0, 1e-300, 1.0])
-        pairs = nearest_pairs(bodies, films, GRID, rare)
+        pairs = nearest_pairs(bodies, films, rare)
         assert pairs[0, 0].tolist() == [0, 2]
 
 
@@ -125,7 +127,7 @@ def test_a_film_that_hides_does_not_know_its_ground(oils):
 def test_the_prior_sums_to_one_and_fractions_are_uniform():
     for way in (MIXED, OVER):
         assert np.exp(log_prior(way)).sum() == pytest.approx(1.0)
-    logs = evidence_module._finer_amounts(2)
+    logs = evidence_module._finer(node_logs(2), 2)
     fraction = 1.0 / (1.0 + np.exp(logs[..., 1] - logs[..., 0]))
     weight = np.exp(log_prior(MIXED))
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.6, 0.9)):
@@ -154,13 +156,10 @@ def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
     slopes = 0.1 * rng.normal(size=(2, GRID.size))
     nodes = np.linspace(*LOG_AMOUNTS, NODES[2])
     logs = every_pair(nodes)
-    nothing = np.zeros((2, len(logs), GRID.size))
+    nothing = np.zeros((len(logs), 2, GRID.size))
     flat, straight = (
         evidence_module._covariance(
-            GridReadings(0.3 + logs @ each, nothing, nothing),
-            2,
-            np.ones((2, GRID.size)),
-            GRID,
+            GridReadings(0.3 + logs @ each, nothing, []), np.ones((2, GRID.size)), GRID
         )
         for each in (0.0 * slopes, slopes)
     )
@@ -188,11 +187,10 @@ def test_a_patch_is_integrated_over_shares_above_zero():
 def test_evidence_tells_the_amounts(oils, monkeypatch):
     paints = oils[:2]
     coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
-    table = grid_readings(OVER, in_usual_coats(paints))
     monkeypatch.setattr(evidence_module, "_AMPLITUDE", 0.002)
     monkeypatch.setattr(evidence_module, "_OFFSET", 0.001)
-    deviations = np.full((2, GRID.size), 0.01)
-    found = weigh_arrangement(read(coats)[None], OVER, table, deviations, GRID)
+    monkeypatch.setattr(evidence_module, "coefficient_sd", lambda k, s: np.full(k.shape, 0.01))
+    found = weigh_arrangement(read(coats)[None], OVER, in_usual_coats(paints))
     off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
     assert np.all(np.abs(off) < 3.0 * np.sqrt(np.diagonal(found.covariance[0])) + 0.05)
     assert off[0] == pytest.approx(0.0, abs=0.1)

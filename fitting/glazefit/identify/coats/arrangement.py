@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from ...film.model.errors import Prior
+from ..search.options import IdentificationOptions
+
 PaintNumbers: TypeAlias = tuple[int, ...]
 """Numbers of the paints of a set, or their places in it."""
 
@@ -23,6 +26,11 @@ class Arrangement:
     def paints(self) -> PaintNumbers:
         """Places of all its paints, ascending."""
         return tuple(sorted(index for coat in self.coats for index in coat))
+
+    @property
+    def layered(self) -> bool:
+        """True for more than one coat."""
+        return len(self.coats) > 1
 
     def words(self, names: Sequence[str]) -> str:
         """Such as ``LeadWhite over Azurite``, or ``Azurite + LeadWhite``.
@@ -55,3 +63,18 @@ def arrangements(count: int, max_coats: int) -> list[Arrangement]:
         # No coat is empty.
         if len(set(coat_of)) == coats
     ]
+
+
+def ways(count: int, options: IdentificationOptions) -> dict[Arrangement, float]:
+    """Ways in which some or all paints of a set may lie -> prior probabilities of these.
+
+    Args:
+        count: of the set's paints, two or more.
+        options: of the search.
+    """
+    prior = options.prior or Prior()
+    mixture, *layered = arrangements(count, min(options.max_coats, count))
+    together = prior.sizes[count - 1]
+    chances = {Arrangement(((paint,),)): prior.sizes[0] / count for paint in range(count)}
+    chances[mixture] = together * (1.0 - prior.stacked)
+    return chances | {each: together * (prior.stacked / len(layered)) for each in layered}

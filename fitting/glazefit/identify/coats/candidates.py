@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.special import logsumexp
 
 from ..search.candidates import with_surface
@@ -13,44 +12,17 @@ from ..search.fit import FilmNumbers, Fitted, pool_of
 from ..search.pool import Pool
 from ..search.refine import Groups, move_readings, slopes_by_amount
 from ..search.task import Chunk, IdentificationTask, Measured
-from .arrangement import Arrangement, PaintNumbers
-from .evidence import Evidence
+from .arrangement import PaintNumbers
+from .evidence import Evidence, WeighedSet
 from .readings import CoatedFilms
 
 
-class WeighedSet(NamedTuple):
-    """A set of paints for some spectra over one ground, in all ways in which it may lie.
-
-    Attributes:
-        members: the paints, by number.
-        rows: the spectra.
-        arrangements: in which the paints may lie.
-        stated: evidence of each with the library as it is.
-        logs: log of how probable each way is over all that the library may be, its prior a part of
-            it, up to what is the same for all sets of a spectrum.
-        readings: of the best films of each, without the outer surface's part.
-    """
-
-    members: PaintNumbers
-    rows: FilmNumbers
-    arrangements: Sequence[Arrangement]
-    stated: Sequence[Evidence]
-    logs: Float[np.ndarray, "ways films"]
-    readings: Float[np.ndarray, "ways films readings"]
-
-    @property
-    def several(self) -> Bool[np.ndarray, "ways"]:
-        """True for ways of more than one coat."""
-        return np.array([len(arrangement.coats) > 1 for arrangement in self.arrangements])
-
-
-def log_rarity(task: IdentificationTask) -> Float[np.ndarray, "paints"]:
-    """Log of how much less probable each paint is in a set: of those that hardly show."""
-    return np.log(np.where(task.extenders, task.prior.extender, 1.0))
-
-
 def with_coats(
-    task: IdentificationTask, measured: Measured, pool: Pool, weighed: Sequence[WeighedSet]
+    task: IdentificationTask,
+    measured: Measured,
+    pool: Pool,
+    weighed: Sequence[WeighedSet],
+    rarity: Float[np.ndarray, "paints"],
 ) -> Pool:
     """The candidates with those of two coats, as probable relative to one coat as the weighed sets
     are.
@@ -60,37 +32,31 @@ def with_coats(
         measured: spectra.
         pool: their candidates of one coat.
         weighed: sets for them.
+        rarity: log of how much less probable each paint is in a set.
     """
     # Of each spectrum: the evidence of all weighed mixtures, and the largest of any arrangement.
     count = len(measured)
     flat = np.full(count, -np.inf)
     best = np.full(count, -np.inf)
     for weighed_set in weighed:
-        set_rows = weighed_set.rows
-        mixed = np.asarray(logsumexp(weighed_set.logs[~weighed_set.several], axis=0))
-        flat[set_rows] = np.logaddexp(flat[set_rows], mixed)
-        best[set_rows] = np.maximum(best[set_rows], weighed_set.logs.max(axis=0))
-    rare = log_rarity(task)
+        mixed = np.asarray(logsumexp(weighed_set.logs[~weighed_set.layered], axis=0))
+        np.logaddexp.at(flat, weighed_set.rows, mixed)
+        np.maximum.at(best, weighed_set.rows, weighed_set.logs.max(axis=0))
     scale = np.asarray(logsumexp(pool.log_weight, axis=1)) - flat
 
     # Arrangements of two coats, on the scale on which the pool weighs the same mixtures.
     rows = []
     pools = []
     for weighed_set in weighed:
-        for number, arrangement in enumerate(weighed_set.arrangements):
-            logs = weighed_set.logs[number]
+        members = weighed_set.members
+        for evidence, logs in zip(weighed_set.evidence, weighed_set.logs, strict=True):
             # Coats whose log chance is 8 below the spectrum's best are no candidate.
             films = np.flatnonzero(logs > best[weighed_set.rows] - 8.0)
-            if len(arrangement.coats) == 2 and films.size:
+            if len(evidence.arrangement.coats) == 2 and films.size:
                 film_rows = weighed_set.rows[films]
-                near = _candidates(
-                    Chunk(task, measured.take(film_rows)),
-                    weighed_set.members,
-                    arrangement,
-                    weighed_set.stated[number],
-                    films,
-                )
-                weight = logs[films] + scale[film_rows] + rare[list(weighed_set.members)].sum()
+                chunk = Chunk(task, measured.take(film_rows))
+                near = _candidates(chunk, members, evidence, films)
+                weight = logs[films] + scale[film_rows] + rarity[list(members)].sum()
                 pools.append(replace(near, log_weight=weight[:, None]))
                 rows.append(film_rows)
     return pool.merge(Pool.join(pools).spread(np.concatenate(rows), count)) if pools else pool
@@ -99,7 +65,6 @@ def with_coats(
 def _candidates(
     chunk: Chunk,
     members: PaintNumbers,
-    arrangement: Arrangement,
     evidence: Evidence,
     films: FilmNumbers,
 ) -> Pool:
@@ -108,19 +73,14 @@ def _candidates(
     Args:
         chunk: the films.
         members: paints, by number.
-        arrangement: in which they lie.
-        evidence: of this for more films.
+        evidence: of their arrangement, for more films.
         films: numbers of the chunk's films among these.
     """
     task = chunk.task
+    arrangement = evidence.arrangement
     size = len(members)
     sets = np.tile(np.array(members, dtype=np.int32), (len(films), 1))
-    coated = CoatedFilms(
-        coefficients=np.stack(task.paints)[:, list(members)].astype(float),
-        grounds=chunk.spectra.grounds[0],
-        optics=task.optics,
-        response=task.response,
-    )
+    coated = CoatedFilms.of(task, members, chunk.spectra.grounds[0])
 
     # Three of Gauss and Newton's steps from the most probable place of the grid, each of at most .3
     # in a log amount.

@@ -6,11 +6,12 @@ are tried as coats, too. For this the lower coat, over its ground, is taken as a
 of the upper one: then two tables of single coats give all pairs at all amounts.
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
-
-from glazejax.spectra import Bands
 
 from ...film.model.errors import whitening
 from ...film.model.response import over_ground
@@ -21,37 +22,44 @@ from .evidence import SPREAD, fixed_covariance
 from .readings import LOG_AMOUNTS, CoatedFilms
 
 
-def best_sets(identification: Identification, row: int, max_coats: int) -> list[PaintNumbers]:
+def best_sets(
+    identification: Identification, row: int, max_coats: int, near: Sequence[Sequence[int]] = ()
+) -> list[PaintNumbers]:
     """The most probable sets of two paints of a spectrum, however they lie; of three where three
     coats are tried.
+
+    Args:
+        identification: in one coat.
+        row: of the spectrum.
+        max_coats: most coats.
+        near: pairs that come nearest as coats, which take part with the most probable one: a film
+            of two coats may look like no mixture of its paints.
     """
-    chances: dict[PaintNumbers, float] = {}
-    candidates = identification.members[row]
-    for candidate, chance in zip(candidates, identification.probability[row], strict=True):
-        paint_set = tuple(sorted(candidate[candidate != NOBODY].tolist()))
-        if len(paint_set) > 1 and chance > 0:
-            chances[paint_set] = chances.get(paint_set, 0.0) + float(chance)
     likely = np.argsort(-identification.paint_probability[row], kind="stable")
     out = []
     for size in (2, 3)[: max_coats - 1]:
-        of_size = {
-            paint_set: chance for paint_set, chance in chances.items() if len(paint_set) == size
-        }
-        if not of_size and len(likely) >= size:
+        chances: defaultdict[PaintNumbers, float] = defaultdict(float)
+        candidates = zip(identification.members[row], identification.probability[row], strict=True)
+        for candidate, chance in candidates:
+            paint_set = tuple(sorted(candidate[candidate != NOBODY].tolist()))
+            if len(paint_set) == size and chance > 0:
+                chances[paint_set] += float(chance)
+        if not chances and len(likely) >= size:
             # None was kept: the paints that are most probable, whatever accompanies them.
-            of_size = {tuple(sorted(likely[:size].tolist())): 1.0}
-        total = sum(of_size.values())
-        best = sorted(of_size, key=lambda paint_set: -of_size[paint_set])
-        # Two pairs, or one set of three, of those with a twentieth of all of their size.
-        most = 2 if size == 2 else 1
-        out += [paint_set for paint_set in best[:most] if of_size[paint_set] >= 0.05 * total]
-    return out
+            chances[tuple(sorted(likely[:size].tolist()))] = 1.0
+        # Two pairs, or one beside those that are near, and one set of three, of those with a
+        # twentieth of all of their size.
+        best = sorted(chances, key=lambda paint_set: -chances[paint_set])
+        best = best[: 2 if size == 2 and not near else 1]
+        out += [each for each in best if chances[each] >= 0.05 * sum(chances.values())]
+        if size == 2:
+            out += map(tuple, near)
+    return list(dict.fromkeys(out))
 
 
 def nearest_pairs(
     bodies: Float[np.ndarray, "spectra grounds bands"],
     films: CoatedFilms,
-    wavelengths: Bands,
     log_prior: Float[np.ndarray, "paints"],
 ) -> Int[np.ndarray, "spectra pairs 2"]:
     """The two pairs of paints that come nearest to films over one ground or several as one over the
@@ -60,17 +68,16 @@ def nearest_pairs(
     Args:
         bodies: readings without the outer surface's part.
         films: of all paints, over the grounds.
-        wavelengths: of the bands, nm.
         log_prior: of each paint, up to a constant.
     """
     paints = films.coefficients.shape[1]
     grounds = films.grounds
     # Some 1500 single coats in a table, of at most 15 amounts of each paint.
     logs = np.linspace(*LOG_AMOUNTS, int(np.clip(1500 // paints, 2, 15)))
-    amounts = np.exp(logs)[:, None]
-    depths = (films.coefficients[:, :, None] * amounts).reshape(2, -1, wavelengths.size)
-    numbers = [np.asarray(a)[:, None] for a in films.response.numbers(*depths)]
-    white = whitening(fixed_covariance(wavelengths, len(grounds))).basis.astype(np.float32)
+    depths = films.coefficients[:, :, None, None] * np.exp(logs)[:, None, None]
+    numbers = [np.asarray(number) for number in films.response.numbers(*depths)]
+    covariance = fixed_covariance(films.wavelengths, len(grounds))
+    white = whitening(covariance).basis.astype(np.float32)
     target = (bodies.reshape(len(bodies), -1) @ white.T).astype(np.float32)
 
     # Lower coats as grounds of the upper ones.
@@ -79,8 +86,7 @@ def nearest_pairs(
     rare = (logs / SPREAD) ** 2
     misfit = np.full((len(bodies), paints, paints), np.inf)
     for upper in range(paints):
-        rows = slice(upper * logs.size, (upper + 1) * logs.size)
-        over = over_ground(*(number[rows] for number in numbers), ground=below[:, None])
+        over = over_ground(*(number[upper] for number in numbers), ground=below[:, :, None])
         whitened = over.reshape(-1, len(white)).astype(np.float32) @ white.T
         off = np.sum(whitened**2, axis=-1) - 2.0 * target @ whitened.T
         off = off.reshape(len(bodies), paints, logs.size, logs.size) + rare[:, None] + rare

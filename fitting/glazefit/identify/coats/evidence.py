@@ -1,4 +1,4 @@
-"""Evidence of a reading for a certain arrangement of its paints, whatever their amounts.
+"""Evidence of a reading for each arrangement of a set of paints, whatever their amounts.
 
 A sum over a grid of amounts. At each node the reading errs by: k and s of the library (as far as
 one pure reading determines k/s), a smooth curve of the model's own, the surface, and what amounts
@@ -11,16 +11,27 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.interpolate import make_interp_spline
 from scipy.special import log_ndtr, log_softmax, logsumexp
 
 from glazejax.spectra import Bands
 
 from ...film.model.errors import model_correlation, paint_covariance, smooth_kernel, whitening
+from ..search.fit import FilmNumbers
+from ..search.options import IdentificationOptions
 from ..search.refine import FilmReadings
-from .arrangement import Arrangement
-from .readings import LOG_AMOUNTS, NODES, FilmAmounts, GridReadings
+from ..search.task import OverGrounds
+from .arrangement import Arrangement, PaintNumbers, ways
+from .readings import (
+    LOG_AMOUNTS,
+    NODES,
+    CoatedFilms,
+    FilmAmounts,
+    GridReadings,
+    grid_readings,
+    node_logs,
+)
 
 PaintCurves: TypeAlias = Float[np.ndarray, "paints bands"]
 """k, s or errors of each paint over the bands."""
@@ -63,12 +74,20 @@ _PATCH = 0.2
 _SCALES = {0.5: 0.25, 1.0: 0.4, 2.0: 0.25, 4.0: 0.1}
 SPREAD = 0.9
 """Standard deviation of the log of a coat's thickness."""
+# Share of readings whose evidence says nothing of how their paints lie: nearly twice that of the
+# decided answers of `benchmarks.paintbench --coats` that were wrong while it was taken to be none.
+_WORTHLESS = 0.2
+# A library rarely separates k and s of a paint: each paint's scattering may also be so much
+# less, with this probability.
+_FAINT = 0.1
+_FAINT_CHANCE = 0.2
 
 
 class Evidence(NamedTuple):
     """Evidence of some films for an arrangement.
 
     Attributes:
+        arrangement: how the paints lie.
         log: log evidence of each film.
         log_amounts: mean of the logs of the paints' amounts, in usual ones.
         covariance: of these logs.
@@ -76,11 +95,93 @@ class Evidence(NamedTuple):
         readings: at these, without the outer surface's part.
     """
 
+    arrangement: Arrangement
     log: Float[np.ndarray, "films"]
     log_amounts: FilmAmounts
     covariance: Float[np.ndarray, "films paints paints"]
     nearest: FilmAmounts
     readings: FilmReadings
+
+
+class WeighedSet(NamedTuple):
+    """A set of paints for some spectra over one ground, in all ways in which it may lie.
+
+    Attributes:
+        members: the paints, by number.
+        rows: the spectra.
+        evidence: of each way, over all that the library may be: readings of the best, amounts of
+            the library as it is.
+        logs: log of how probable each way is, its prior a part of it, up to what is the same for
+            all sets of a spectrum.
+    """
+
+    members: PaintNumbers
+    rows: FilmNumbers
+    evidence: Sequence[Evidence]
+    logs: Float[np.ndarray, "ways films"]
+
+    @property
+    def layered(self) -> Bool[np.ndarray, "ways"]:
+        """True for ways of more than one coat."""
+        return np.array([evidence.arrangement.layered for evidence in self.evidence])
+
+
+def weigh_set(
+    members: PaintNumbers,
+    rows: FilmNumbers,
+    bodies: OverGrounds,
+    films: CoatedFilms,
+    options: IdentificationOptions,
+) -> WeighedSet:
+    """All ways in which the paints of a set may lie, with amounts, gain, surface and patches
+    integrated out.
+
+    Args:
+        members: the set, by number.
+        rows: spectra over one ground.
+        bodies: of all spectra, without the outer surface's part.
+        films: of all paints, over this ground.
+        options: of the search.
+    """
+    films = films._replace(coefficients=films.coefficients[:, list(members)])
+    read = bodies[rows].reshape(len(rows), -1)
+    chances = ways(len(members), options)
+    summed = []
+    for arrangement, chance in chances.items():
+        by_library = []
+        for library, share in _libraries(arrangement, films):
+            evidence = weigh_arrangement(read, arrangement, library)
+            by_library.append(evidence._replace(log=evidence.log + np.log(chance * share)))
+        # The sum over all libraries, and readings of the best one.
+        logs = np.array([evidence.log for evidence in by_library])
+        readings = np.array([evidence.readings for evidence in by_library])
+        best = readings[logs.argmax(axis=0), np.arange(len(rows))]
+        summed.append(
+            by_library[0]._replace(log=np.asarray(logsumexp(logs, axis=0)), readings=best)
+        )
+    # What a reading says of the ways is worth less than it says.
+    logs = np.array([evidence.log for evidence in summed])
+    total = np.asarray(logsumexp(logs, axis=0))
+    prior = np.array(list(chances.values()))[:, None]
+    tempered = (1.0 - _WORTHLESS) * np.exp(logs - total) + _WORTHLESS * (prior / prior.sum())
+    return WeighedSet(members, rows, evidence=summed, logs=np.log(tempered) + total)
+
+
+def _libraries(arrangement: Arrangement, films: CoatedFilms) -> list[tuple[CoatedFilms, float]]:
+    """Films of the library as it is, then of libraries in which one of the paints scatters less,
+    and how probable each is.
+
+    A thin coat over a ground that shows rarely separates k from s; of a film that hides its ground
+    k/s is what was read.
+    """
+    if films.hides:
+        return [(films, 1.0)]
+    out = [(films, 1.0 - _FAINT_CHANCE)]
+    for paint in arrangement.paints:
+        faint = films.coefficients.copy()
+        faint[1, paint] *= _FAINT
+        out.append((films._replace(coefficients=faint), _FAINT_CHANCE / len(arrangement.paints)))
+    return out
 
 
 def coefficient_sd(absorption: PaintCurves, scattering: PaintCurves) -> PaintCurves:
@@ -102,7 +203,7 @@ def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
     log-normal, the fractions of its paints are uniform.
     """
     paints = arrangement.paints
-    logs = _finer_amounts(len(paints))
+    logs = _finer(node_logs(len(paints)), len(paints))
     out = np.zeros(logs.shape[:2])
     for coat in arrangement.coats:
         coat_logs = logs[..., [paints.index(paint) for paint in coat]]
@@ -114,59 +215,44 @@ def log_prior(arrangement: Arrangement) -> Float[np.ndarray, "nodes block"]:
     return log_softmax(out)
 
 
-def _axis(count: int) -> tuple[Float[np.ndarray, "nodes"], Float[np.ndarray, "nodes parts"]]:
-    """Nodes along one amount, and the places of the finer grid around each."""
+def _finer(
+    values: Float[np.ndarray, "nodes numbers"], count: int
+) -> Float[np.ndarray, "nodes block numbers"]:
+    """Values at the places of the finer grid around each node, by cubic splines.
+
+    Args:
+        values: at the nodes; they go on beyond the first and the last.
+        count: of paints.
+    """
     nodes = np.linspace(*LOG_AMOUNTS, NODES[count])
     offsets = (np.arange(_FINER[count]) + 0.5) / _FINER[count] - 0.5
-    return nodes, nodes[:, None] + offsets * (nodes[1] - nodes[0])
-
-
-def _in_blocks(
-    box: Float[np.ndarray, "... values"], count: int
-) -> Float[np.ndarray, "nodes block values"]:
-    """Values on the whole finer grid, node by node of the coarse one."""
-    coarse, finer = NODES[count], _FINER[count]
-    split = box.reshape(*[coarse, finer] * count, -1)
-    nodes_first = [2 * axis for axis in range(count)] + [2 * axis + 1 for axis in range(count)]
-    return split.transpose(*nodes_first, 2 * count).reshape(coarse**count, finer**count, -1)
-
-
-def _finer_amounts(count: int) -> Float[np.ndarray, "nodes block paints"]:
-    along = _axis(count)[1].ravel()
-    grid = np.meshgrid(*[along] * count, indexing="ij")
-    return _in_blocks(np.stack(grid, axis=-1), count)
-
-
-def _finer(values: Float[np.ndarray, "nodes bands"], count: int) -> ReadingsAtPlaces:
-    """Values at the coarse nodes, by cubic splines on the finer grid."""
-    nodes, finer_nodes = _axis(count)
-    weights = make_interp_spline(nodes, np.eye(nodes.size))(finer_nodes.ravel())
+    along = nodes[:, None] + offsets * (nodes[1] - nodes[0])
+    weights = make_interp_spline(nodes, np.eye(nodes.size))(along)
     box = values.reshape(*[nodes.size] * count, -1)
-    for axis in range(count):
-        box = np.moveaxis(np.tensordot(weights, box, axes=(1, axis)), 0, axis)
-    return _in_blocks(box, count)
+    # Each amount's axis becomes two at the end: the nodes, and the places around each.
+    for _ in range(count):
+        box = np.tensordot(box, weights, axes=(0, 2))
+    axes = range(1, 2 * count + 1)
+    return box.transpose(*axes[::2], *axes[1::2], 0).reshape(len(values), -1, values.shape[1])
 
 
 def weigh_arrangement(
-    bodies: FilmReadings,
-    arrangement: Arrangement,
-    table: GridReadings,
-    deviations: PaintCurves,
-    wavelengths: Bands,
+    bodies: FilmReadings, arrangement: Arrangement, films: CoatedFilms
 ) -> Evidence:
-    """Evidence of films for one arrangement.
+    """Evidence of some readings for one arrangement.
 
     Args:
         bodies: readings over each ground, ground by ground, without the outer surface's part.
         arrangement: how the paints lie.
-        table: what that reads.
-        deviations: standard deviations of log k of the arrangement's paints.
-        wavelengths: of the bands, nm.
+        films: of the set's paints, over these grounds.
     """
-    count = len(arrangement.paints)
+    table = grid_readings(arrangement, films)
+    deviations = coefficient_sd(*films.coefficients)[list(arrangement.paints)]
+    count = len(deviations)
 
     # Errors at each node of the coarse grid.
-    white = whitening(_covariance(table, count, deviations, wavelengths)).basis
+    covariance = _covariance(table, deviations, films.wavelengths)
+    white = whitening(covariance).basis
     to_white = np.swapaxes(white, 1, 2)
 
     # Each place of the finer grid takes the errors of its node.
@@ -182,11 +268,12 @@ def weigh_arrangement(
     posterior = posterior.reshape(-1, len(bodies))
     total = np.asarray(logsumexp(posterior, axis=0))
     share = np.exp(posterior - total)
-    logs = _finer_amounts(count).reshape(-1, count)
+    logs = _finer(node_logs(count), count).reshape(-1, count)
     mean = share.T @ logs
     square = np.einsum("nf,ni,nj->fij", share, logs, logs, optimize=True)
     best = np.argmax(posterior, axis=0)
     return Evidence(
+        arrangement=arrangement,
         log=total,
         log_amounts=mean,
         covariance=square - mean[:, :, None] * mean[:, None, :],
@@ -196,16 +283,16 @@ def weigh_arrangement(
 
 
 def _covariance(
-    table: GridReadings, count: int, deviations: PaintCurves, wavelengths: Bands
+    table: GridReadings, deviations: PaintCurves, wavelengths: Bands
 ) -> Float[np.ndarray, "nodes readings readings"]:
     """Of the readings at each node of the coarse grid, gain and patches aside."""
+    count = len(deviations)
     readings = table.readings.shape[-1]
     grounds = readings // wavelengths.size
-    # What errors of each paint's k cause, the same ones over each ground.
-    caused = table.slopes * np.tile(deviations, grounds)[:, None]
-    kernel = smooth_kernel(np.tile(wavelengths, grounds), _COEFFICIENT_LENGTH)
     fixed = fixed_covariance(wavelengths, grounds)
-    covariance = fixed + paint_covariance(caused.swapaxes(0, 1), kernel)
+    # What errors of each paint's k cause, the same ones over each ground.
+    kernel = smooth_kernel(np.tile(wavelengths, grounds), _COEFFICIENT_LENGTH)
+    covariance = fixed + paint_covariance(table.slopes * np.tile(deviations, grounds), kernel)
 
     # What amounts between the places of the finer grid would change.
     spacing = (LOG_AMOUNTS[1] - LOG_AMOUNTS[0]) / (NODES[count] - 1)

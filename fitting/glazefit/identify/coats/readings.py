@@ -6,6 +6,7 @@ The grid replaces a search: nothing that explains a spectrum is missed, and evid
 
 import functools
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +20,8 @@ from ...film.model.optics import Optics
 from ...film.model.response import FilmResponse
 from ..families.templates import FilmCurves, coat_body
 from ..search.refine import FilmReadings, FilmSlopes
+from ..search.table import Grounds
+from ..search.task import IdentificationTask
 from .arrangement import Arrangement
 
 FilmAmounts: TypeAlias = Float[np.ndarray, "films paints"]
@@ -39,16 +42,31 @@ class CoatedFilms(NamedTuple):
     Attributes:
         coefficients: optical thicknesses of a usual amount of each paint, k then s.
         grounds: internal reflectance of what is below.
+        wavelengths: of the bands, nm.
         optics: of the instrument, which solve any coats.
         response: of the instrument, a table that serves for one coat.
         hides: whether the lowest coat hides the ground, however much there is of it.
     """
 
     coefficients: Float[np.ndarray, "2 paints bands"]
-    grounds: Float[np.ndarray, "grounds bands"]
+    grounds: Grounds
+    wavelengths: Bands
     optics: Optics
     response: FilmResponse
     hides: bool = False
+
+    @classmethod
+    def of(
+        cls, task: IdentificationTask, members: Sequence[int], grounds: Grounds
+    ) -> "CoatedFilms":
+        """Films of some of a search's paints, by number."""
+        return cls(
+            coefficients=np.stack(task.paints)[:, list(members)].astype(float),
+            grounds=grounds,
+            wavelengths=task.wavelengths,
+            optics=task.optics,
+            response=task.response,
+        )
 
     def read(
         self, arrangement: Arrangement, amounts: Float[np.ndarray, "#2 films paints"]
@@ -61,15 +79,15 @@ class CoatedFilms(NamedTuple):
                 have none.
         """
         amounts = np.broadcast_to(amounts, (2, *amounts.shape[1:]))
-        coats = [list(coat) for coat in arrangement.coats if amounts[..., list(coat)].any()]
         depths = [
             np.einsum("cfp,cpb->cfb", amounts[..., coat], self.coefficients[:, coat], optimize=True)
-            for coat in coats
+            for coat in map(list, arrangement.coats)
+            if amounts[..., coat].any()
         ]
-        if not coats:
+        if not depths:
             # An optical thickness that does as if there were nothing.
-            depths = [np.full((2, amounts.shape[1], self.grounds.shape[1]), 1e-9)]
-        if self.hides and coats:
+            depths = [np.full((2, amounts.shape[1], self.wavelengths.size), 1e-9)]
+        elif self.hides:
             scattering = np.median(depths[-1][1], axis=1, keepdims=True)
             # Scattering optical thickness of a coat that hides what is below: 200.
             depths[-1] = depths[-1] * (200.0 / scattering)
@@ -82,28 +100,30 @@ class CoatedFilms(NamedTuple):
         return np.concatenate(over, axis=-1)
 
     def read_and_slopes(
-        self, arrangement: Arrangement, amounts: FilmAmounts
+        self, arrangement: Arrangement, amounts: FilmAmounts, quantities: Sequence[int] = (0, 1)
     ) -> tuple[FilmReadings, FilmSlopes]:
-        """Readings, and their slopes by the log of every paint's k, then s."""
-        paints = range(amounts.shape[1])
+        """Readings, and their slopes by the log of every paint's k, then s.
+
+        Args:
+            arrangement: how the paints lie.
+            amounts: of the paints, in usual ones.
+            quantities: 0 for slopes by k, 1 for those by s.
+        """
         # The amounts as they are, then with more of each paint's k, then with more of its s.
-        shifted = np.stack(
-            [amounts * np.ones((2, 1, 1))]
-            + [_shifted(amounts, quantity, paint) for quantity in (0, 1) for paint in paints]
-        )
+        shifts = [(quantity, paint) for quantity in quantities for paint in arrangement.paints]
+        shifted = np.tile(amounts, (1 + len(shifts), 2, 1, 1))
+        for number, (quantity, paint) in enumerate(shifts, start=1):
+            shifted[number, quantity, :, paint] *= np.exp(_STEP)
         # All in one call: the solver takes films by the thousand.
         rows = shifted.swapaxes(0, 1).reshape(2, -1, amounts.shape[1])
         readings = self.read(arrangement, rows).reshape(len(shifted), len(amounts), -1)
         return readings[0], ((readings[1:] - readings[0]) / _STEP).swapaxes(0, 1)
 
 
-def _shifted(
-    amounts: FilmAmounts, quantity: int, paint: int
-) -> Float[np.ndarray, "2 films paints"]:
-    """Amounts with more of one paint's k (quantity 0) or s (1)."""
-    shifted = np.stack([amounts, amounts])
-    shifted[quantity, :, paint] *= np.exp(_STEP)
-    return shifted
+def node_logs(count: int) -> FilmAmounts:
+    """Log amounts of so many paints at the nodes of the grid: all their combinations."""
+    axis = np.linspace(*LOG_AMOUNTS, NODES[count])
+    return np.array(list(itertools.product(axis, repeat=count)))
 
 
 class GridReadings(NamedTuple):
@@ -112,59 +132,34 @@ class GridReadings(NamedTuple):
     Attributes:
         readings: over each ground, ground by ground.
         slopes: by the log of each paint's k.
-        patches: what is seen where a part of the film is missing: each a way in which it may be.
+        patches: what is seen where a part of the film is missing, in each way in which it may be.
     """
 
     readings: Float[np.ndarray, "nodes readings"]
-    slopes: Float[np.ndarray, "paints nodes readings"]
-    patches: Float[np.ndarray, "ways nodes readings"]
+    slopes: Float[np.ndarray, "nodes paints readings"]
+    patches: Sequence[Float[np.ndarray, "nodes readings"]]
 
 
 def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     """Readings of an arrangement on the grid of its paints' amounts."""
     paints = arrangement.paints
-    # A node is one combination of amounts; paints that the arrangement lacks have none.
-    axis = np.linspace(*LOG_AMOUNTS, NODES[len(paints)])
-    logs = np.array(list(itertools.product(axis, repeat=len(paints))))
+    logs = node_logs(len(paints))
+    # Paints that the arrangement lacks have no amount.
     amounts = np.zeros((len(logs), films.coefficients.shape[1]))
     amounts[:, paints] = np.exp(logs)
-    readings = films.read(arrangement, amounts[None])
-    # One-sided differences by the log of each paint's k.
-    slopes = [
-        (films.read(arrangement, _shifted(amounts, 0, paint)) - readings) / _STEP
-        for paint in paints
-    ]
-    # The same amounts, but for the part that is missing.
-    patches = [
-        films.read(arrangement, amounts[None] * present)
-        for present in _patches(arrangement, amounts.shape[1], films.hides)
-    ]
-    return GridReadings(
-        readings=readings,
-        slopes=np.array(slopes),
-        patches=np.array(patches).reshape(len(patches), *readings.shape),
-    )
-
-
-def _patches(
-    arrangement: Arrangement, count: int, hides: bool
-) -> list[Float[np.ndarray, "paints"]]:
-    """Paints that are there, 1 or 0, where a part of the film is missing: of several coats all but
-    the upper one, of a mixture either paint alone, of one paint nothing.
-
-    Args:
-        arrangement: how the paints lie.
-        count: of the set's paints.
-        hides: whether the film hides its ground, which is then not known.
-    """
-    if len(arrangement.coats) > 1:
-        present = np.ones(count)
-        present[list(arrangement.coats[0])] = 0.0
-        return [present]
-    paints = arrangement.paints
-    if len(paints) == 1:
-        return [] if hides else [np.zeros(count)]
-    return [np.eye(count)[paint] for paint in paints]
+    readings, slopes = films.read_and_slopes(arrangement, amounts, quantities=(0,))
+    # Which paints are there where a part of the film is missing: of several coats all but those of
+    # the upper one, of a mixture either paint alone, of one paint none. What is below a film that
+    # hides its ground is not known.
+    numbers = np.arange(amounts.shape[1])
+    if arrangement.layered:
+        there = [~np.isin(numbers, arrangement.coats[0])]
+    elif len(paints) > 1:
+        there = [numbers == paint for paint in paints]
+    else:
+        there = [] if films.hides else [numbers < 0]
+    patches = [films.read(arrangement, (amounts * present)[None]) for present in there]
+    return GridReadings(readings=readings, slopes=slopes, patches=patches)
 
 
 def _solve(

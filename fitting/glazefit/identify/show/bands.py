@@ -83,17 +83,11 @@ def _slopes(
     slopes = slopes_at(chunk, sets.reshape(len(row), -1), logs.reshape(len(row), -1), row)
     slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
     # Films of two coats by the solver, in the places of their paints.
-    paints = np.stack(task.paints)
     for spectrum, candidate in np.argwhere((coats > 0).any(axis=-1)):
         at = spectrum, candidate
         size = int((sets[at] != NOBODY).sum())
-        members = sets[at][:size]
-        films = CoatedFilms(
-            coefficients=paints[:, members],
-            grounds=identification.measured.grounds[spectrum],
-            optics=task.optics,
-            response=task.response,
-        )
+        members = sets[at][:size].tolist()
+        films = CoatedFilms.of(task, members, identification.measured.grounds[spectrum])
         upper, lower = (np.flatnonzero(coats[at][:size] == n).tolist() for n in (0, 1))
         arrangement = Arrangement((tuple(upper), tuple(lower)))
         _, by_log = films.read_and_slopes(arrangement, np.exp(logs[at][None, :size]))
