@@ -177,17 +177,14 @@ def log_set_prior(
 ) -> Float[np.ndarray, "*n"]:
     """Log prior probability of sets of paints; a negative number is none."""
     sizes = np.asarray(task.prior.sizes[: task.max_paints])
-    by_size = [
-        share / sizes.sum() / math.comb(task.paint_count, n)
-        for n, share in enumerate(sizes, start=1)
-    ]
+    sets = [math.comb(task.paint_count, n) for n in range(1, len(sizes) + 1)]
     present = members >= 0
     count = present.sum(axis=-1)
     # Alone, an extender is as good as any other paint.
     hardly = np.where(count > 1, (present & task.extenders[members]).sum(axis=-1), 0)
     # No paint at all is no explanation.
-    with np.errstate(divide="ignore"):
-        return np.log(np.asarray([0.0, *by_size]))[count] + hardly * np.log(task.prior.extender)
+    log_chances = np.append(-np.inf, np.log(sizes / sizes.sum() / sets))
+    return log_chances[count] + hardly * np.log(task.prior.extender)
 
 
 @Program

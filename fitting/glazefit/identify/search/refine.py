@@ -87,6 +87,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     """
     task = chunk.task
     ranked = np.argsort(-pool.log_weight, axis=1, kind="stable")
+    # Arrays of its own, of which what is refined is replaced.
     pool = pool.choose(ranked[:, : task.effort.kept_sets])
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     row, column = np.nonzero(deficit <= task.effort.within)
@@ -114,22 +115,18 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
     )
-    out = replace(
-        pool,
-        log_weight=np.full_like(pool.log_weight, -np.inf),
-        covariance=np.zeros_like(pool.covariance),
-        adjusted=pool.readings.copy(),
-    )
     absent = sets == NOBODY
     # Nothing is known together with a paint that is not there.
     apart = absent[:, :, None] | absent[:, None]
-    out.log_weight[row, column] = fitted.log_evidence
-    out.covariance[row, column, paints, paints] = np.where(apart, 0.0, fitted.covariance)
-    out.logs[row, column, paints] = np.where(absent, -np.inf, shown.logs)
-    out.weighed[row, column, paints] = np.where(absent, -np.inf, fitted.logs)
-    out.readings[row, column] = shown.readings
-    out.adjusted[row, column] = move_readings(chunk, shown.readings, groups)
-    return out
+    pool.log_weight[:] = -np.inf
+    pool.log_weight[row, column] = fitted.log_evidence
+    pool.covariance[:] = 0.0
+    pool.covariance[row, column, paints, paints] = np.where(apart, 0.0, fitted.covariance)
+    pool.logs[row, column, paints] = np.where(absent, -np.inf, shown.logs)
+    pool.weighed[row, column, paints] = np.where(absent, -np.inf, fitted.logs)
+    pool.readings[row, column] = shown.readings
+    pool.adjusted[row, column] = move_readings(chunk, shown.readings, groups)
+    return pool
 
 
 def slopes_at(chunk: Chunk, sets: FilmSets, logs: FilmLogs, row: FilmNumbers) -> FilmSlopes:
