@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from benchmarks.paint.pigments import fit
 from glazefit import identify
-from glazefit.identify.identify import ground_from_air
+from glazefit.film.films import ground_from_air
 from glazefit.identify.result.odds import DECIDED
 from glazefit.recover.joint.joint import UNIT
 from glazejax import Pigment

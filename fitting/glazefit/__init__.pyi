@@ -2,6 +2,7 @@ from .film.films import Films as Films
 from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
 from .film.films import Reading as Reading
+from .film.films import ground_from_air as ground_from_air
 from .film.films import reading_over as reading_over
 from .film.model.errors import ModelError as ModelError
 from .film.model.errors import Prior as Prior
@@ -16,7 +17,6 @@ from .film.simulate import simulate_films as simulate_films
 from .identify.families.references import References as References
 from .identify.families.references import read_references as read_references
 from .identify.families.references import references_of as references_of
-from .identify.identify import ground_from_air as ground_from_air
 from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films
 from .identify.result import Candidate as Candidate

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax.geometry import Geometry
+from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names, there_are
 from glazejax.names import first_repeated
@@ -19,7 +20,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import Bands, describe_grid, validate_wavelengths
 
 from .model.optics import Optics
-from .model.response import ground_below
+from .model.response import film_response, ground_below
 from .tables import WAVELENGTH, Tabulated, Variables
 
 Spectra: TypeAlias = Float[np.ndarray, "films bands"]
@@ -273,6 +274,46 @@ def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Sp
     gain, back = bare_surface(instrument)
     x = np.asarray(bare) - instrument.seen_surface
     return ground_below(x, gain, back), gain / (gain + x * back) ** 2
+
+
+def ground_from_air(
+    bare: Float[np.ndarray, "*shape"],
+    instrument: InstrumentLike | None = None,
+    refractive_index: float = 1.5,
+) -> Float[np.ndarray, "*shape"]:
+    """Internal reflectance of grounds from what they read bare, with the same instrument.
+
+    Args:
+        bare: reflectance as read, as fractions, (...).
+        instrument: it, see `glazejax.geometry.resolve_instrument`; by default d:8 with the specular
+            part.
+        refractive_index: of the paint that lies on them later, where `instrument` is no whole
+            `glazejax.Instrument`, which has its own.
+
+    Returns:
+        Reflectance as seen from inside the paint, (...).
+
+    Raises:
+        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by
+            more than .01.
+
+    Example:
+        >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
+        [0.03, 0.93]
+    """
+    seen_by = resolve_instrument(instrument, refractive_index)
+    within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
+    internal = np.asarray(film_response(seen_by).internal(jnp.asarray(within)))
+    for wrong, reason in (
+        (within < -0.01, "less than its surface alone"),
+        (internal > 1.01, "more than white can"),
+    ):
+        if wrong.any():
+            value = np.asarray(bare)[wrong].flat[0]
+            raise ValueError(
+                f"the bare ground reads {value:.4f} ({reason}); is it seen with another instrument?"
+            )
+    return np.clip(internal, 0.0, 1.0)
 
 
 def usual_cards(wavelengths: Bands) -> tuple[Bands, Bands]:

@@ -314,9 +314,8 @@ def _choose_spectra(
     from glazejax.spectra import common_range
     from glazejax.stacks import Spectrum
 
-    from ..film.films import Films
+    from ..film.films import Films, ground_from_air
     from ..film.shared_bands import crop_bands, every_band, shared_bands
-    from .identify import ground_from_air
 
     def internal(bare: "np.ndarray") -> "np.ndarray":
         return ground_from_air(bare, search.keywords["instrument"])

@@ -9,16 +9,14 @@ count as impossible; the search keeps far more than ever come near the best.
 from collections.abc import Iterator, Sequence
 from typing import Unpack
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import ArrayLike
 
 from glazejax import Hemispherical
 from glazejax.geometry import resolve_instrument
 
-from ..film.films import Films, InstrumentLike, Noise, card_readings, check_ground
+from ..film.films import Films, Noise, card_readings, check_ground, ground_from_air
 from ..film.model.mixing import Pigments, listed_pigments
-from ..film.model.response import film_response
 from .families.expected import has_families
 from .result import Identification
 from .search.options import IdentificationKeywords, IdentificationOptions, check_keywords
@@ -152,43 +150,3 @@ def identify_films(
     return identify(
         films.wavelengths, films.over_cards, pigments, ground=ground, names=films.names, **options
     )
-
-
-def ground_from_air(
-    bare: Float[np.ndarray, "*shape"],
-    instrument: InstrumentLike | None = None,
-    refractive_index: float = 1.5,
-) -> Float[np.ndarray, "*shape"]:
-    """Internal reflectance of grounds from what they read bare, with the same instrument.
-
-    Args:
-        bare: reflectance as read, as fractions, (...).
-        instrument: it, see `glazejax.geometry.resolve_instrument`; by default d:8 with the specular
-            part.
-        refractive_index: of the paint that lies on them later, where `instrument` is no whole
-            `glazejax.Instrument`, which has its own.
-
-    Returns:
-        Reflectance as seen from inside the paint, (...).
-
-    Raises:
-        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by
-            more than .01.
-
-    Example:
-        >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
-        [0.03, 0.93]
-    """
-    seen_by = resolve_instrument(instrument, refractive_index)
-    within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
-    internal = np.asarray(film_response(seen_by).internal(jnp.asarray(within)))
-    for wrong, reason in (
-        (within < -0.01, "less than its surface alone"),
-        (internal > 1.01, "more than white can"),
-    ):
-        if wrong.any():
-            value = np.asarray(bare)[wrong].flat[0]
-            raise ValueError(
-                f"the bare ground reads {value:.4f} ({reason}); is it seen with another instrument?"
-            )
-    return np.clip(internal, 0.0, 1.0)

@@ -208,7 +208,7 @@ def read_ground_of_cube(
 
     from glazejax.spectra import describe_grid
 
-    from ..identify.identify import ground_from_air
+    from ..film.films import ground_from_air
     from .solve.working_bands import used_range
 
     if text is None:
