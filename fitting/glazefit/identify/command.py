@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from glazejax.io import SpectraTable
 
-    from ..film.films import Films, Instrument
+    from ..film.films import Films
     from .result import Identification
     from .search.options import IdentificationOptions
 
@@ -416,7 +416,7 @@ def _about(
     }
     if name is not None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
-    instrument: Instrument = search.keywords["instrument"]
+    instrument = search.keywords["instrument"]
     return {
         "title": typed["file"].name,
         "subject": subject,

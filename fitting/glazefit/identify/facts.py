@@ -107,29 +107,21 @@ def read_search(typed: Typed, console: "Console") -> Search:
 
     Raises:
         FileNotFoundError: no file of references.
-        ValueError: paints that there are not, references or facts where no families are searched,
-            or a table that is no references.
+        ValueError: paints that there are not, references where no families are searched, or a table
+            that is no references.
     """
     from ..film.films import Instrument
     from ..film.model.errors import ModelError, Prior
     from .families.expected import EXPECTED, has_families
-    from .search.options import IdentificationOptions
 
     pigments, catalogue, references = typed["pigments"], typed["catalogue"], typed["references"]
     paints = options.choose_paints(
         options.read_shelf(pigments, catalogue), typed["only"], typed["without"]
     )
     by_family = has_families(paints) and not typed.get("own_films")
-    facts = {
-        "elements": tuple(options.split_names(typed["elements"])),
-        "without_elements": tuple(options.split_names(typed["without_elements"])),
-        "painted": typed["painted"],
-    }
     instrument = Instrument(
         options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
     )
-    if not by_family:
-        IdentificationOptions(**facts).refuse_facts()
     if references is not None:
         if not by_family:
             raise ValueError(
@@ -153,7 +145,9 @@ def read_search(typed: Typed, console: "Console") -> Search:
                 thickness=options.read_length(typed["thickness"]),
             ),
             "max_paints": typed["max_paints"],
-            **facts,
+            "elements": tuple(options.split_names(typed["elements"])),
+            "without_elements": tuple(options.split_names(typed["without_elements"])),
+            "painted": typed["painted"],
         },
         asked=options.say_asked(paints, catalogue, pigments or references, by_family=by_family),
     )
