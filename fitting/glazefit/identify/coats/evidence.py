@@ -264,8 +264,7 @@ def weigh_arrangement(
     )
     log_likelihood += np.log(np.diagonal(white, axis1=1, axis2=2)).sum(axis=1)[:, None, None]
 
-    posterior = log_likelihood + log_prior(arrangement)[..., None]
-    posterior = posterior.reshape(-1, len(bodies))
+    posterior = (log_likelihood + log_prior(arrangement)[..., None]).reshape(-1, len(bodies))
     total = np.asarray(logsumexp(posterior, axis=0))
     share = np.exp(posterior - total)
     logs = _finer(node_logs(count), count).reshape(-1, count)
@@ -333,25 +332,25 @@ def _log_likelihood(
     across = computed @ films
     off = np.sum(readings**2, axis=-1)[:, None] - 2.0 * across + size
     along = across - size
-    log_volumes = readings.shape[-1] * np.log(list(_SCALES))
     # Nothing is missing, or a part of one of the patches.
-    ways = [(1.0 - _PATCHY if patches else 1.0, None)]
-    ways += [(_PATCHY / len(patches), patch) for patch in patches]
+    missing = [(1.0 - _PATCHY if patches else 1.0, None)]
+    missing += [(_PATCHY / len(patches), patch) for patch in patches]
     terms = []
     for gain, gain_weight in _GAINS.items():
         # The gain is Gaussian: its direction is taken out, and its volume counted.
         volume = 1.0 + gain**2 * size
         misfit = off - gain**2 * along**2 / volume
-        for chance, patch in ways:
+        for chance, patch in missing:
             length = product = np.zeros(())
             if patch is not None:
                 with_gain = np.sum(patch * computed, axis=-1)[..., None]
                 length = np.sum(patch**2, axis=-1)[..., None] - gain**2 * with_gain**2 / volume
                 product = patch @ films - with_gain - gain**2 * with_gain * along / volume
             # All errors larger or smaller by each scale; without a patch its integral is 1.
-            for (scale, weight), log_volume in zip(_SCALES.items(), log_volumes, strict=True):
+            for scale, weight in _SCALES.items():
                 better = _log_patch(length / scale**2, product / scale**2)
-                value = -0.5 * misfit / scale**2 - 0.5 * np.log(volume) - log_volume + better
+                log_volume = 0.5 * np.log(volume) + readings.shape[-1] * np.log(scale)
+                value = -0.5 * misfit / scale**2 - log_volume + better
                 terms.append(value + np.log(gain_weight * chance * weight))
     return np.asarray(logsumexp(terms, axis=0))
 

@@ -103,10 +103,7 @@ def coats_of_families(
         row_odds = []
         for members in best_sets(identification, row, options.max_coats)[:1]:
             names = [identification.paints[member] for member in members]
-            chances = ways(len(members), options)
-            total = sum(chances.values())
-            shares = {arrangement: chance / total for arrangement, chance in chances.items()}
-            row_odds.append(_odds_of(names, shares, 1.0, reason))
+            row_odds.append(_odds_of(names, ways(len(members), options), 1.0, reason))
         coats_odds.append(tuple(row_odds))
     return replace(identification, coats_odds=tuple(coats_odds))
 
@@ -142,11 +139,13 @@ def _odds(
 def _odds_of(
     names: Sequence[str], chances: Mapping[Arrangement, float], share: float, reason: str
 ) -> CoatsOdds:
-    """Odds of one set by those of the ways in which its paints may lie."""
+    """Odds of one set by the chances of the ways in which its paints may lie, to any sum."""
+    total = sum(chances.values())
+    layered = [chance for arrangement, chance in chances.items() if arrangement.layered]
     return CoatsOdds(
         paints=tuple(names),
-        chances={arrangement.words(names): chance for arrangement, chance in chances.items()},
-        layered=sum(chance for arrangement, chance in chances.items() if arrangement.layered),
+        chances={way.words(names): chance / total for way, chance in chances.items()},
+        layered=sum(layered) / total,
         share=share,
         reason=reason,
     )
