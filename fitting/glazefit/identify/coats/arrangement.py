@@ -77,4 +77,4 @@ def ways(count: int, options: IdentificationOptions) -> dict[Arrangement, float]
     together = prior.sizes[count - 1]
     chances = {Arrangement(((paint,),)): prior.sizes[0] / count for paint in range(count)}
     chances[mixture] = together * (1.0 - prior.stacked)
-    return chances | {each: together * (prior.stacked / len(layered)) for each in layered}
+    return chances | dict.fromkeys(layered, together * (prior.stacked / len(layered)))

@@ -51,7 +51,8 @@ def best_sets(
         # twentieth of all of their size.
         best = sorted(chances, key=lambda paint_set: -chances[paint_set])
         best = best[: 2 if size == 2 and not near else 1]
-        out += [each for each in best if chances[each] >= 0.05 * sum(chances.values())]
+        least = 0.05 * sum(chances.values())
+        out += [paint_set for paint_set in best if chances[paint_set] >= least]
         if size == 2:
             out += map(tuple, near)
     return list(dict.fromkeys(out))

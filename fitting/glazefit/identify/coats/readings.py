@@ -148,17 +148,17 @@ def grid_readings(arrangement: Arrangement, films: CoatedFilms) -> GridReadings:
     amounts = np.zeros((len(logs), films.coefficients.shape[1]))
     amounts[:, paints] = np.exp(logs)
     readings, slopes = films.read_and_slopes(arrangement, amounts, quantities=(0,))
-    # Which paints are there where a part of the film is missing: of several coats all but those of
-    # the upper one, of a mixture either paint alone, of one paint none. What is below a film that
-    # hides its ground is not known.
+    # Paints that remain where a part of the film is missing: of several coats all but those of the
+    # upper one, of a mixture either paint alone, of one paint none. What is below a film that hides
+    # its ground is not known.
     numbers = np.arange(amounts.shape[1])
     if arrangement.layered:
-        there = [~np.isin(numbers, arrangement.coats[0])]
+        remaining = [~np.isin(numbers, arrangement.coats[0])]
     elif len(paints) > 1:
-        there = [numbers == paint for paint in paints]
+        remaining = [numbers == paint for paint in paints]
     else:
-        there = [] if films.hides else [numbers < 0]
-    patches = [films.read(arrangement, (amounts * present)[None]) for present in there]
+        remaining = [] if films.hides else [numbers < 0]
+    patches = [films.read(arrangement, (amounts * mask)[None]) for mask in remaining]
     return GridReadings(readings=readings, slopes=slopes, patches=patches)
 
 

@@ -133,7 +133,7 @@ def _odds(
             reason = _reason(weighed_set, chance, number)
             lies = dict(zip(arrangements, chance.tolist(), strict=True))
             of_rows[row].append(_odds_of(set_names, lies, float(set_shares[row]), reason))
-    return tuple(tuple(sorted(odds, key=lambda each: -each.share)) for odds in of_rows)
+    return tuple(tuple(sorted(odds, key=lambda of_set: -of_set.share)) for odds in of_rows)
 
 
 def _odds_of(
@@ -144,7 +144,9 @@ def _odds_of(
     layered = [chance for arrangement, chance in chances.items() if arrangement.layered]
     return CoatsOdds(
         paints=tuple(names),
-        chances={way.words(names): chance / total for way, chance in chances.items()},
+        chances={
+            arrangement.words(names): chance / total for arrangement, chance in chances.items()
+        },
         layered=sum(layered) / total,
         share=share,
         reason=reason,

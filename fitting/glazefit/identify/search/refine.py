@@ -117,11 +117,11 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     )
     absent = sets == NOBODY
     # Nothing is known together with a paint that is not there.
-    apart = absent[:, :, None] | absent[:, None]
+    unknown = absent[:, :, None] | absent[:, None]
     pool.log_weight[:] = -np.inf
     pool.log_weight[row, column] = fitted.log_evidence
     pool.covariance[:] = 0.0
-    pool.covariance[row, column, paints, paints] = np.where(apart, 0.0, fitted.covariance)
+    pool.covariance[row, column, paints, paints] = np.where(unknown, 0.0, fitted.covariance)
     pool.logs[row, column, paints] = np.where(absent, -np.inf, shown.logs)
     pool.weighed[row, column, paints] = np.where(absent, -np.inf, fitted.logs)
     pool.readings[row, column] = shown.readings
