@@ -97,8 +97,17 @@ def small(request):
     expected = Expectations(thickness=0.3)
     constraints = gather_constraints(films, paints, *told, 25e-6, expected)
     shares = MixingLaw().shares(weights, paints)
+    response = film_response(Instrument().geometry)
+    gloss = np.full(len(films), np.nan)
     problem = pose(
-        films, shares, Instrument(), Noise(), expected, constraints, np.full(len(films), np.nan)
+        films,
+        shares,
+        response,
+        Instrument(),
+        Noise(),
+        expected,
+        constraints=constraints,
+        gloss=gloss,
     )
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
@@ -108,23 +117,21 @@ def small(request):
         jnp.asarray(rng.normal(0, 0.1, problem.paint_scale.shape)),
         jnp.asarray(rng.normal(0, 0.5, len(problem.thickness_modes))),
     )
-    return problem, film_response(Instrument().geometry), point
+    return problem, point
 
 
 @pytest.fixture(scope="module")
 def dense_jacobian(small):
-    problem, response, point = small
+    problem, point = small
     flat, unravel = ravel_pytree(point)
-    jacobian = jax.jit(
-        jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), problem, response))[0])
-    )
+    jacobian = jax.jit(jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), problem))[0]))
     return np.asarray(jacobian(flat))
 
 
 @pytest.fixture(scope="module")
 def whole(small, dense_jacobian):
     """Covariance of coefficients and thicknesses as they are, with what errors of the known add."""
-    problem, _, point = small
+    problem, point = small
     flat, unravel = ravel_pytree(point)
     slopes = jax.jit(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0]))
     added = np.asarray(slopes(flat))
@@ -132,9 +139,9 @@ def whole(small, dense_jacobian):
 
 
 def test_steps_equal_a_dense_solve(small, dense_jacobian):
-    problem, response, point = small
-    right = residuals(point, problem, response)
-    seen = look(problem, response, point)
+    problem, point = small
+    right = residuals(point, problem)
+    seen = look(problem, point)
     step = solve(factorise(seen.normal), np.asarray(seen.gradient))
     assert float(seen.cost) == pytest.approx(0.5 * np.sum(ravel_pytree(right)[0] ** 2))
     expected = np.linalg.lstsq(dense_jacobian, ravel_pytree(right)[0], rcond=None)[0]
@@ -143,12 +150,12 @@ def test_steps_equal_a_dense_solve(small, dense_jacobian):
 
 @pytest.fixture(scope="module")
 def covariance(small):
-    problem, response, point = small
-    return JointCovariance.of(problem, factorise(look(problem, response, point).normal))
+    problem, point = small
+    return JointCovariance.of(problem, factorise(look(problem, point).normal))
 
 
 def test_covariance_equals_the_dense_inverse(small, covariance, whole):
-    problem, _, point = small
+    problem, point = small
     count = point.bands.size
     for band, block in enumerate(covariance.of_bands(GRID.size)):
         rows = slice(6 * band, 6 * band + 6)
@@ -166,7 +173,7 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, covariance, who
     """All bands together, errors of what is known among them; and what is left where the others are
     known.
     """
-    problem, _, point = small
+    problem, point = small
     count, others = point.bands.size, len(problem.thickness_modes)
     first = len(whole) - others
     inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
@@ -187,17 +194,17 @@ def test_error_modes_are_the_largest_of_the_dense_inverse(small, covariance, who
 
 
 def test_steps_end_where_the_cost_has_no_slope(small):
-    problem, response, point = small
-    end, descent = solve_jointly(problem, response, point, 1.0, 100, lambda steps: None)
+    problem, point = small
+    end, descent = solve_jointly(problem, point, 1.0, 100, lambda steps: None)
     assert descent.settled
     assert descent.steps < 90
-    before, after = look(problem, response, point), look(problem, response, end)
+    before, after = look(problem, point), look(problem, end)
     assert after.cost < 0.1 * before.cost
     assert np.abs(after.gradient).max() < 1e-3 * np.abs(before.gradient).max()
 
 
 def test_what_is_known_is_added_and_taken_away(small):
-    problem, _, point = small
+    problem, point = small
     there = totals(point, problem)
     for first, second in zip(point, deviations(there, problem), strict=True):
         assert_allclose(first, second, atol=1e-12)
@@ -207,11 +214,11 @@ def test_what_is_known_is_added_and_taken_away(small):
 
 
 def test_a_prior_counts_in_its_own_units(small):
-    problem, response, point = small
+    problem, point = small
     at_scale = point._replace(
         films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale
     )
-    off = residuals(at_scale, problem, response)
+    off = residuals(at_scale, problem)
     assert_allclose(off.films[:, :2], 1.0)
     assert_allclose(off.paints, 1.0)
     freedom = float(problem.tail)
@@ -291,7 +298,7 @@ def test_bronzing_is_not_taken_for_scattering():
 
 
 def test_draws_spread_as_laplace_says(small, covariance):
-    problem, _, point = small
+    problem, point = small
     middle = jax.tree.map(np.asarray, totals(point, problem))
     drawn = covariance.draw(middle, 3000)
     off = np.asarray(drawn.bands) - middle.bands

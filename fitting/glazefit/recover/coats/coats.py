@@ -303,7 +303,7 @@ def predict_next_coat(
     rng = np.random.default_rng((seed, 1))
     draws = fit.draws
     count = len(draws.bands)
-    log_k = _absorption_that_meets(draws, fit.problem, recovery.response)
+    log_k = _absorption_that_meets(draws, fit.problem)
     thickness = np.log(coats) + recovery.spread * rng.standard_normal((count, 1))
     kd = np.exp(np.asarray(log_k) + thickness)
     sd = np.exp(draws.bands[:, :, 1] + thickness)
@@ -348,9 +348,7 @@ def _check_grounds(films: Films) -> None:
 
 
 @jax.jit
-def _absorption_that_meets(
-    draws: Unknowns, problem: JointProblem, response: Response
-) -> Float[Array, "draws bands"]:
+def _absorption_that_meets(draws: Unknowns, problem: JointProblem) -> Float[Array, "draws bands"]:
     """Log of k of one coat with which each draw of scattering, thicknesses and gloss meets the
     readings best, by scanning and scanning again.
     """
@@ -364,7 +362,7 @@ def _absorption_that_meets(
         def cost(log_k: Array) -> Array:
             kd = jnp.exp(log_k[:, None] + log_d)[..., None]
             sd = jnp.exp(log_s[:, None] + log_d)[..., None]
-            off = (response.body(kd, sd, problem.ground) - target) * problem.weight
+            off = (problem.response.body(kd, sd, problem.ground) - target) * problem.weight
             # A weak prior settles what no reading determines.
             return jnp.sum(off**2, axis=(1, 2)) + 0.01 * (log_k - start) ** 2
 

@@ -107,6 +107,7 @@ def recover_jointly(
     problem = pose(
         films,
         shares,
+        response=response or film_response(instrument),
         instrument=instrument,
         noise=noise,
         expected=expected,
@@ -116,7 +117,6 @@ def recover_jointly(
     deviation = np.moveaxis(1.0 / problem.weight, 0, -1)
     counted = films.seen * used.T[..., None]
     problem = problem._replace(weight=problem.weight * counted)
-    response = response or film_response(instrument)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
         # spectra should.
@@ -130,7 +130,6 @@ def recover_jointly(
         # nothing has a slope.
         first, _ = solve_jointly(
             problem=stiff,
-            response=response,
             # Equal grey paints, and films as expected.
             start=Unknowns(
                 bands=problem.known + problem.pull[:, 0],
@@ -146,14 +145,13 @@ def recover_jointly(
         first = jax.jit(deviations)(start, problem)
     solution, descent = solve_jointly(
         problem=problem,
-        response=response,
         start=first,
         first_step=1.0,
         max_steps=max_steps,
         note=lambda steps: progress(steps, max_steps, "fitting all together, steps at most"),
     )
     covariance = JointCovariance.of(problem, factorise(descent.seen.normal))
-    unknowns, fitted = jax.tree.map(np.asarray, _describe(solution, problem, response))
+    unknowns, fitted = jax.tree.map(np.asarray, _describe(solution, problem))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
@@ -184,6 +182,7 @@ def recover_jointly(
 def pose(
     films: Films,
     shares: FilmShares,
+    response: Response,
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
@@ -225,6 +224,7 @@ def pose(
     np.minimum.at(paint_mean, shares.argmax(axis=1), demanded)
     # Bands first, where arrays have them.
     return JointProblem(
+        response=response,
         reading=np.moveaxis(measured, 1, 0),
         ground=np.moveaxis(card_data.ground, 1, 0),
         weight=np.moveaxis(1.0 / deviation, 1, 0),
@@ -247,7 +247,7 @@ def pose(
 
 @jax.jit
 def _describe(
-    solution: Unknowns, problem: JointProblem, response: Response
+    solution: Unknowns, problem: JointProblem
 ) -> tuple[Unknowns, Float[Array, "bands films 2"]]:
     """Totals and readings, in one program."""
-    return totals(solution, problem), readings(solution, problem, response)
+    return totals(solution, problem), readings(solution, problem)

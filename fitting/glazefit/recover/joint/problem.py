@@ -106,6 +106,7 @@ class Unknowns(NamedTuple):
 class JointProblem(NamedTuple):
     """Data and expectations as arrays; leading axis bands where they depend on it."""
 
+    response: Response  # of a film
     reading: Float[Any, "bands films 2"]
     ground: Float[Any, "bands films 2"]
     weight: Float[Any, "bands films 2"]  # one over the standard deviation; 0 leaves a reading out
@@ -178,9 +179,7 @@ def optical_thickness(
     return kd * thick, sd * thick
 
 
-def readings(
-    unknowns: Unknowns, problem: JointProblem, response: Response
-) -> Float[Array, "bands films 2"]:
+def readings(unknowns: Unknowns, problem: JointProblem) -> Float[Array, "bands films 2"]:
     """Readings of the instrument over both cards, from deviations."""
     odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
@@ -188,23 +187,25 @@ def readings(
     kd, sd = optical_thickness(total, problem)
     expected = jnp.where(jnp.isnan(problem.gloss), problem.shares @ total.paints, problem.gloss)
     gloss = jnp.exp(expected + total.films[:, 1])
-    reading = problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
+    reading = problem.surface * gloss[:, None] + problem.response.body(
+        kd[..., None], sd[..., None], ground
+    )
     return reading * jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.gain_modes))
 
 
 @jax.jit
 def readings_of_draws(
-    draws: Unknowns, problem: JointProblem, response: Response
+    draws: Unknowns, problem: JointProblem
 ) -> Float[Array, "draws bands films 2"]:
     """Readings of the instrument, from draws of `totals`."""
-    return jax.vmap(lambda draw: readings(deviations(draw, problem), problem, response))(draws)
+    return jax.vmap(lambda draw: readings(deviations(draw, problem), problem))(draws)
 
 
-def residuals(unknowns: Unknowns, problem: JointProblem, response: Response) -> JointResiduals:
+def residuals(unknowns: Unknowns, problem: JointProblem) -> JointResiduals:
     """JointResiduals of the whole problem."""
     expected = unknowns.films / problem.film_scale
     return JointResiduals(
-        data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
+        data=(readings(unknowns, problem) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
         pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],

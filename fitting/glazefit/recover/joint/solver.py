@@ -21,7 +21,6 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 from scipy.linalg import get_lapack_funcs
 
-from ...film.model.response import Response
 from ...film.numerics.least_squares import Descent, Surroundings, descend
 from .problem import JointProblem, JointResiduals, Unknowns, residuals
 
@@ -49,9 +48,9 @@ class Factors(NamedTuple):
 
 
 @jax.jit
-def look(problem: JointProblem, response: Response, point: Unknowns) -> Surroundings:
+def look(problem: JointProblem, point: Unknowns) -> Surroundings:
     """Cost, its gradient, and the normal matrix at a point."""
-    values, along = jax.linearize(lambda y: residuals(y, problem, response), point)
+    values, along = jax.linearize(lambda y: residuals(y, problem), point)
     (gradient,) = jax.linear_transpose(along, point)(values)
     cost = 0.5 * sum(jnp.sum(block**2) for block in values)
     return Surroundings(
@@ -61,7 +60,6 @@ def look(problem: JointProblem, response: Response, point: Unknowns) -> Surround
 
 def solve_jointly(
     problem: JointProblem,
-    response: Response,
     start: Unknowns,
     first_step: float,
     max_steps: int,
@@ -70,14 +68,14 @@ def solve_jointly(
     """Levenberg and Marquardt's least squares from a start: the end, and how it was reached.
 
     Args:
-        problem, response: see `residuals`.
+        problem: see `residuals`.
         start: first point.
         first_step: one over the damping of the first step.
         max_steps: that are tried.
         note: see `descend`.
     """
     descent = descend(
-        lambda flat: jax.tree.map(np.asarray, look(problem, response, unflatten(flat, start))),
+        lambda flat: jax.tree.map(np.asarray, look(problem, unflatten(flat, start))),
         lambda normal, damping, gradient: solve(factorise(normal, damping), gradient),
         np.concatenate([np.ravel(block) for block in start]),
         first_step=first_step,

@@ -162,7 +162,7 @@ def predict_mixture(
         drawn = drawn_mixture(calibrated)
         off = {"scale": np.zeros_like(drawn), "paint": drawn, "film": np.zeros_like(drawn)}
         gloss = float(calibrated.gloss[0])
-        errors_at = reading_errors(calibrated, response, (spread or Spread()).alike)
+        errors_at = reading_errors(calibrated, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
     grounds = usual_cards(grid) if ground is None else ground
     surface = instrument.seen_surface * gloss

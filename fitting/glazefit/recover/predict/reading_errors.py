@@ -26,7 +26,7 @@ thickness and its reflectance over black and white.
 """
 
 
-def reading_errors(calibrated: JointRecovery, response: Response, correlation: float) -> ErrorsAt:
+def reading_errors(calibrated: JointRecovery, correlation: float) -> ErrorsAt:
     """Errors of readings of a mixture, by their surface, their gain, and the model.
 
     One draw of them holds for films of every thickness. A film that was read, over another card,
@@ -34,7 +34,6 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
 
     Args:
         calibrated: fit of what was read.
-        response: model of one film.
         correlation: of errors of one film over two cards.
     """
     films = calibrated.films
@@ -47,7 +46,7 @@ def reading_errors(calibrated: JointRecovery, response: Response, correlation: f
         calibrated.unknowns,
         calibrated.draws,
     )
-    computed = np.moveaxis(np.asarray(readings_of_draws(points, ungained, response)), 1, -1)
+    computed = np.moveaxis(np.asarray(readings_of_draws(points, ungained)), 1, -1)
     expected = computed[0]
     # Noise and cards are in the residual's size, and a gain of its own is not.
     all_of_it = np.hypot(calibrated.residual_sd, size.gain * expected)
