@@ -31,7 +31,7 @@ from ...film.model.response import Response, film_response
 from ...film.noise import estimate_noise
 from ..joint.constraints import Gauge
 from ..joint.joint import UNIT, recover_jointly
-from ..joint.problem import Expectations, JointProblem, Unknowns
+from ..joint.problem import Expectations, JointProblem, Unknowns, readings
 from ..joint.result import JointRecovery
 from ..predict.prediction import interval_of, least_by_scanning
 
@@ -355,14 +355,10 @@ def _absorption_that_meets(draws: Unknowns, problem: JointProblem) -> Float[Arra
 
     def one(draw: Unknowns) -> Array:
         start, log_s = draw.bands.T
-        log_d = draw.films[:, 0]
-        surface = problem.surface * jnp.exp(draw.paints + draw.films[:, 1])
-        target = problem.reading - surface[:, None]
 
         def cost(log_k: Array) -> Array:
-            kd = jnp.exp(log_k[:, None] + log_d)[..., None]
-            sd = jnp.exp(log_s[:, None] + log_d)[..., None]
-            off = (problem.response.body(kd, sd, problem.ground) - target) * problem.weight
+            tried = draw._replace(bands=jnp.stack([log_k, log_s], axis=-1))
+            off = (readings(tried, problem) - problem.reading) * problem.weight
             # A weak prior settles what no reading determines.
             return jnp.sum(off**2, axis=(1, 2)) + 0.01 * (log_k - start) ** 2
 

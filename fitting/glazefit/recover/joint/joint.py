@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
@@ -142,7 +142,7 @@ def recover_jointly(
             note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
         )
     else:
-        first = jax.jit(deviations)(start, problem)
+        first = deviations(start, problem)
     solution, descent = solve_jointly(
         problem=problem,
         start=first,
@@ -151,8 +151,9 @@ def recover_jointly(
         note=lambda steps: progress(steps, max_steps, "fitting all together, steps at most"),
     )
     covariance = JointCovariance.of(problem, factorise(descent.seen.normal))
-    unknowns, fitted = jax.tree.map(np.asarray, _describe(solution, problem))
-    fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
+    unknowns = totals(solution, problem)
+    fitted = np.moveaxis(np.asarray(jax.jit(readings)(unknowns, problem)), 0, -1)
+    fitted = films.where_seen(fitted)
     return JointRecovery(
         films=films,
         paints=paints,
@@ -243,11 +244,3 @@ def pose(
         gloss=np.log(gloss),
         **constraints.arrays,
     )
-
-
-@jax.jit
-def _describe(
-    solution: Unknowns, problem: JointProblem
-) -> tuple[Unknowns, Float[Array, "bands films 2"]]:
-    """Totals and readings, in one program."""
-    return totals(solution, problem), readings(solution, problem)

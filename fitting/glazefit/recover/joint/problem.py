@@ -148,14 +148,15 @@ class JointResiduals(NamedTuple):
 
 
 def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unknowns:
-    """Logs of coefficients and of thicknesses as they are: unknowns with what the others add. With
-    a `sign` of -1 that is taken away again, see `deviations`.
+    """Logs of coefficients and of thicknesses as they are: unknowns with what the others add, in
+    NumPy or JAX. With a `sign` of -1 that is taken away again, see `deviations`.
     """
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
-    coefficients = jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes)
+    coefficients = unknowns.others @ problem.band_modes.reshape(-1, unknowns.bands.size)
+    first = np.eye(unknowns.films.shape[1])[0]
     return unknowns._replace(
-        bands=unknowns.bands + sign * coefficients,
-        films=jnp.asarray(unknowns.films).at[:, 0].add(sign * thickness),
+        bands=unknowns.bands + sign * coefficients.reshape(unknowns.bands.shape),
+        films=unknowns.films + sign * thickness[:, None] * first,
     )
 
 
@@ -180,13 +181,12 @@ def optical_thickness(
 
 
 def readings(unknowns: Unknowns, problem: JointProblem) -> Float[Array, "bands films 2"]:
-    """Readings of the instrument over both cards, from deviations."""
+    """Readings of the instrument over both cards, from `totals`."""
     odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
     ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
-    total = totals(unknowns, problem)
-    kd, sd = optical_thickness(total, problem)
-    expected = jnp.where(jnp.isnan(problem.gloss), problem.shares @ total.paints, problem.gloss)
-    gloss = jnp.exp(expected + total.films[:, 1])
+    kd, sd = optical_thickness(unknowns, problem)
+    expected = jnp.where(jnp.isnan(problem.gloss), problem.shares @ unknowns.paints, problem.gloss)
+    gloss = jnp.exp(expected + unknowns.films[:, 1])
     reading = problem.surface * gloss[:, None] + problem.response.body(
         kd[..., None], sd[..., None], ground
     )
@@ -198,14 +198,14 @@ def readings_of_draws(
     draws: Unknowns, problem: JointProblem
 ) -> Float[Array, "draws bands films 2"]:
     """Readings of the instrument, from draws of `totals`."""
-    return jax.vmap(lambda draw: readings(deviations(draw, problem), problem))(draws)
+    return jax.vmap(lambda draw: readings(draw, problem))(draws)
 
 
 def residuals(unknowns: Unknowns, problem: JointProblem) -> JointResiduals:
-    """JointResiduals of the whole problem."""
+    """JointResiduals of the whole problem, from deviations."""
     expected = unknowns.films / problem.film_scale
     return JointResiduals(
-        data=(readings(unknowns, problem) - problem.reading) * problem.weight,
+        data=(readings(totals(unknowns, problem), problem) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
         pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
