@@ -24,9 +24,9 @@ from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.readers import is_masstone, recipes_from_names
 from glazefit.film.simulate import simulate_paints
-from glazefit.recover.joint.constraints import error_modes
 from glazefit.recover.joint.entries import PaintFile, entries
 from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.pose import error_modes
 from glazefit.recover.joint.result import JointRecovery
 from glazefit.recover.predict.crossvalidation import cross_validate
 from glazefit.recover.predict.next_reading import rank_next_films

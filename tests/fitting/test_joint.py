@@ -15,13 +15,12 @@ from glazefit.film.films import Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw, weight_table
 from glazefit.film.model.response import film_response
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.joint.constraints import Gauge, gather_constraints
 from glazefit.recover.joint.covariance import JointCovariance
-from glazefit.recover.joint.joint import pose, recover_jointly
+from glazefit.recover.joint.joint import recover_jointly
+from glazefit.recover.joint.pose import Gauge, curvature_matrix, pose
 from glazefit.recover.joint.problem import (
     Expectations,
     Unknowns,
-    curvature_matrix,
     deviations,
     heavy_tail,
     residuals,
@@ -94,20 +93,19 @@ def small(request):
             "ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine"
         )
         told = {"ZincWhite": white}, Gauge({"tint": 30e-6})
-    expected = Expectations(thickness=0.3)
-    constraints = gather_constraints(films, paints, *told, 25e-6, expected)
-    shares = MixingLaw().shares(weights, paints)
-    response = film_response(Instrument().geometry)
-    gloss = np.full(len(films), np.nan)
-    problem = pose(
+    references, gauge = told
+    problem, _ = pose(
         films,
-        shares,
-        response,
-        Instrument(),
-        Noise(),
-        expected,
-        constraints=constraints,
-        gloss=gloss,
+        paints,
+        MixingLaw().shares(weights, paints),
+        response=film_response(Instrument().geometry),
+        instrument=Instrument(),
+        noise=Noise(),
+        expected=Expectations(thickness=0.3),
+        references=references,
+        gauge=gauge,
+        gloss={},
+        unit=25e-6,
     )
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)

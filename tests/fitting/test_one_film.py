@@ -15,7 +15,7 @@ from glazefit import (
     recover_jointly,
 )
 from glazefit.film.model.variation import STRENGTH, thickness_variance
-from glazefit.recover.joint.constraints import Gauge
+from glazefit.recover.joint.pose import Gauge
 from glazefit.recover.joint.problem import Expectations
 from glazejax import catalogue
 

@@ -14,9 +14,9 @@ from glazefit.film.model.response import film_response
 from glazefit.film.noise import estimate_noise
 from glazefit.film.readers import read_loose_films, recipes_from_names, tint
 from glazefit.film.shared_bands import average, crop
-from glazefit.recover.joint.constraints import Gauge, error_modes, gather_constraints
 from glazefit.recover.joint.entries import add_paints
 from glazefit.recover.joint.joint import UNIT, recover_jointly
+from glazefit.recover.joint.pose import Gauge, error_modes, pose
 from glazefit.recover.joint.problem import Expectations, optical_thickness
 from glazefit.recover.predict.next_reading import rank_next_films
 from glazejax import Pigment, catalogue
@@ -262,23 +262,35 @@ def test_a_gauge_sets_the_scale():
     wrong = fitted(films, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
     assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
 
-    def constraints(known=None, gauge=None, unit=UNIT):
-        expected = Expectations(thickness=0.3)
-        return gather_constraints(films, ("Blue", "White"), known or {}, gauge, unit, expected)
+    def posed(known=None, gauge=None, unit=UNIT):
+        problem, _ = pose(
+            films,
+            ("Blue", "White"),
+            np.array([[1.0, 0.0], [1 / 11, 10 / 11]]),
+            response=film_response(INSTRUMENT),
+            instrument=INSTRUMENT,
+            noise=Noise(),
+            expected=Expectations(thickness=0.3),
+            references=known or {},
+            gauge=gauge,
+            gloss={},
+            unit=unit,
+        )
+        return problem
 
-    by_gauge = constraints(gauge=gauge, unit=100e-6)
-    assert_allclose(by_gauge.arrays["film_mean"], np.log([1.3, 0.8]))
-    assert_allclose(by_gauge.thickness_sd, 0.1)
+    by_gauge = posed(gauge=gauge, unit=100e-6)
+    assert_allclose(by_gauge.film_mean, np.log([1.3, 0.8]))
+    assert_allclose(by_gauge.film_scale[:, 0], 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
-    assert_array_equal(constraints(KNOWN).arrays["thickness_modes"][-1], 1.0)
-    assert len(constraints().arrays["thickness_modes"]) == 0
+    assert_array_equal(posed(KNOWN).thickness_modes[-1], 1.0)
+    assert len(posed().thickness_modes) == 0
     with refusal("no film is called 'Red'"):
-        constraints(gauge=Gauge({"Red": 1e-4}))
+        posed(gauge=Gauge({"Red": 1e-4}))
     with refusal("the thickness of 'Red' is 1 m"):
         Gauge({"Red": 1.0})
     with refusal("does not cover the films'"):
-        constraints({"White": white().resample(GRID[2:])})
+        posed({"White": white().resample(GRID[2:])})
 
 
 def test_a_card_that_was_not_measured_is_fitted():

@@ -22,8 +22,8 @@ from glazefit.film.model.variation import (
     learn,
     log_likelihood,
 )
-from glazefit.recover.joint.constraints import Gauge
 from glazefit.recover.joint.joint import UNIT
+from glazefit.recover.joint.pose import Gauge
 from glazefit.recover.predict.mixture import calibrate_mixture, drawn_mixture, mix, predict_mixture
 from glazefit.recover.predict.next_reading import rank_next_readings
 from glazefit.recover.predict_command import read_mixture, read_recipe

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films
-    from .joint.constraints import Gauge
     from .joint.entries import PaintFile
+    from .joint.pose import Gauge
     from .joint.result import JointRecovery
     from .settings import Destination, PriorKnowledge
 
@@ -201,7 +201,7 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     """
     if text in ("", "same"):
         return None
-    from .joint.constraints import Gauge
+    from .joint.pose import Gauge
 
     lengths: dict[str, float] = {}
     errors: list[float] = []

@@ -29,8 +29,8 @@ from ...film.films import Films, InstrumentLike, Noise, card_readings, card_refl
 from ...film.model.errors import smooth_kernel
 from ...film.model.response import Response, film_response
 from ...film.noise import estimate_noise
-from ..joint.constraints import Gauge
 from ..joint.joint import UNIT, recover_jointly
+from ..joint.pose import Gauge
 from ..joint.problem import Expectations, JointProblem, Unknowns, readings
 from ..joint.result import JointRecovery
 from ..predict.prediction import interval_of, least_by_scanning

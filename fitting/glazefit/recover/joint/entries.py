@@ -23,7 +23,7 @@ from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
 
-from .constraints import MOST_ERROR, error_modes
+from .pose import MOST_ERROR, error_modes
 from .result import JointRecovery, by_paint
 
 
@@ -140,7 +140,7 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
     """True if a known paint is the file's own, as far as its modes state the fit's
     errors."""
     paint = recovery.known_paints[name]
-    numbers = list(recovery.known_modes[name].numbers)
+    numbers = list(recovery.known_modes[name].values())
     try:
         paint, existing = (pigment.resample(recovery.wavelengths) for pigment in (paint, existing))
     except ValueError:  # another range
@@ -171,13 +171,13 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     # Numbers of known paints' modes among the others -> their columns in the file.
     columns: dict[int, int] = {}
     for name, paint in recovery.known_paints.items():
-        span = recovery.known_modes[name]
+        numbers = recovery.known_modes[name]
         if name in file.paints:
             if paint.error_modes is not None:
-                columns |= dict(zip(span.indices, span.numbers, strict=True))
-        elif span.first not in columns:
-            columns |= {index: first + i for i, index in enumerate(span.indices)}
-            first += len(span.numbers)
+                columns |= numbers
+        elif not columns.keys() >= numbers.keys():
+            columns |= {index: first + i for i, index in enumerate(numbers)}
+            first += len(numbers)
     # Errors of log k and log s regressed on these others, for one standard deviation each, and what
     # is left.
     whole = recovery.whole_covariance
@@ -217,11 +217,11 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     for name, paint in recovery.known_paints.items():
         if name in file.paints:
             continue
-        span = recovery.known_modes[name]
+        numbers = recovery.known_modes[name]
         known_paint = paint.resample(recovery.wavelengths)
         stated_modes = np.zeros_like(modes[:, :, 0])
-        stated_modes[[columns[index] for index in span.indices]] = error_modes(known_paint)[
-            list(span.numbers)
+        stated_modes[[columns[index] for index in numbers]] = error_modes(known_paint)[
+            list(numbers.values())
         ]
         pigments.append(
             eqx.tree_at(

@@ -17,26 +17,13 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.progress import Progress, no_progress
 
-from ...film.films import Films, Instrument, InstrumentLike, Noise, card_readings
-from ...film.gloss import GLOSS_SD, estimate_gloss
+from ...film.films import Films, InstrumentLike, Noise
 from ...film.model.mixing import MixingLaw, weight_table
-from ...film.model.response import Response, film_response
+from ...film.model.response import Response
 from ...film.noise import estimate_noise
-from .constraints import Constraints, Gauge, gather_constraints
 from .covariance import JointCovariance
-from .problem import (
-    Expectations,
-    FilmShares,
-    JointProblem,
-    Unknowns,
-    curvature_matrix,
-    deviations,
-    minor_parts,
-    model_deviation,
-    nearly_black,
-    readings,
-    totals,
-)
+from .pose import Gauge, pose
+from .problem import Expectations, Unknowns, deviations, readings, totals
 from .result import JointRecovery
 from .solver import factorise, solve_jointly
 
@@ -103,16 +90,18 @@ def recover_jointly(
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
     pigments = pigments or {}
-    constraints = gather_constraints(films, paints, pigments, gauge, unit, expected)
-    problem = pose(
+    problem, known_modes = pose(
         films,
+        paints,
         shares,
-        response=response or film_response(instrument),
+        response=response,
         instrument=instrument,
         noise=noise,
         expected=expected,
-        constraints=constraints,
-        gloss=np.array([(gloss or {}).get(name, np.nan) for name in films.names]),
+        references=pigments,
+        gauge=gauge,
+        gloss=gloss or {},
+        unit=unit,
     )
     deviation = np.moveaxis(1.0 / problem.weight, 0, -1)
     counted = films.seen * used.T[..., None]
@@ -132,7 +121,7 @@ def recover_jointly(
             problem=stiff,
             # Equal grey paints, and films as expected.
             start=Unknowns(
-                bands=problem.known + problem.pull[:, 0],
+                bands=problem.level,
                 films=np.zeros(problem.film_scale.shape),
                 paints=problem.paint_mean,
                 others=np.zeros(len(problem.thickness_modes)),
@@ -160,7 +149,7 @@ def recover_jointly(
         shares=shares,
         law=law,
         unknowns=unknowns,
-        log_covariance=covariance.of_bands(len(problem.known)),
+        log_covariance=covariance.of_bands(len(problem.level)),
         # Kept for the errors of what the recovery predicts.
         draws=covariance.draw(unknowns, 128),
         fitted_black=fitted[:, 0],
@@ -173,74 +162,8 @@ def recover_jointly(
         noise=noise,
         unit=unit,
         known_paints={paint: pigments[paint] for paint in paints if paint in pigments},
-        known_modes=constraints.modes_of,
+        known_modes=known_modes,
         whole_covariance=covariance,
         problem=problem,
         gauged=gauge is not None,
-    )
-
-
-def pose(
-    films: Films,
-    shares: FilmShares,
-    response: Response,
-    instrument: Instrument,
-    noise: Noise,
-    expected: Expectations,
-    constraints: Constraints,
-    gloss: Float[np.ndarray, "films"],
-) -> JointProblem:
-    """Arrays of a joint problem; `gloss` is NaN where it was not measured."""
-    card_data = card_readings(films, instrument, noise)
-    measured = card_data.reflectance
-    # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
-    # Expected errors of each film's thickness, gloss and weights.
-    count, paints = shares.shape
-    minor = minor_parts(shares)
-    # A paint's own weight error: a share of it, and what the balance leaves open.
-    minor_share = np.einsum("fep,fp->fe", minor, shares)
-    errors = np.hypot(
-        expected.weight_share, expected.weight_floor / np.where(minor_share > 0, minor_share, 1.0)
-    )
-    scale = np.column_stack([constraints.thickness_sd, np.full(count, expected.gloss), errors])
-    # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
-    pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [
-        1.0,
-        np.sqrt(len(films.wavelengths)),
-    ]
-    stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
-    black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
-    step = expected.slope_s * np.sqrt(np.diff(films.wavelengths) / 10.0)
-    steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2) * np.repeat(
-        [0.0, 1.0], paints
-    )
-    fixed = np.tile(constraints.known, 2)
-    # Of paints that are known only what their modes leave out is free, band by band.
-    pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, 0.01), 0.0, 0.0
-    scale[~np.isnan(gloss), 1] = GLOSS_SD
-    # The gloss that the films in which a paint is the largest part demand.
-    demanded = np.log(estimate_gloss(films, instrument, noise))
-    paint_mean = np.zeros(paints)
-    np.minimum.at(paint_mean, shares.argmax(axis=1), demanded)
-    # Bands first, where arrays have them.
-    return JointProblem(
-        response=response,
-        reading=np.moveaxis(measured, 1, 0),
-        ground=np.moveaxis(card_data.ground, 1, 0),
-        weight=np.moveaxis(1.0 / deviation, 1, 0),
-        shares=shares,
-        minor=minor,
-        surface=np.array(instrument.seen_surface),
-        curvature=curvature_matrix(films.wavelengths),
-        stiffness=stiffness,
-        steepness=steepness,
-        pull=np.column_stack([pull[:, 0], 1.0 / pull[:, 1]]),
-        film_scale=scale,
-        paint_mean=paint_mean,
-        paint_scale=np.full(paints, expected.paint_gloss),
-        tail=np.array(expected.tail),
-        opaque=films.opaque,
-        gloss=np.log(gloss),
-        **constraints.arrays,
     )

@@ -12,7 +12,7 @@ with c from the mixing law and the weights, each weight times exp(e). Everything
 squares: residuals of the readings, the curvature of log k and log s along the wavelengths, the
 steps of log s where a paint is nearly black, and the priors.
 
-What else may be off, all standard normal a priori, are the `others` (see `known`): error modes of
+What else may be off, all standard normal a priori, are the `others` (see `pose`): error modes of
 paints that are known already, the level of cards that were not measured, a factor of all
 thicknesses, and a factor of each reading. They are added to the bands' and the films'
 unknowns, which are then deviations; `totals` adds them up.
@@ -24,8 +24,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-
-from glazejax.spectra import Bands
 
 from ...film.films import Noise
 from ...film.model.response import Response, hiding_factor
@@ -120,8 +118,8 @@ class JointProblem(NamedTuple):
     steepness: Float[
         Any, "steps local"
     ]  # one over the expected step from band to band, 0 where any will do
-    pull: Float[Any, "local 2"]  # mean and one over the standard deviation of log k and log s
-    known: Float[Any, "bands local"]  # added to the mean: logs of paints that are known
+    level: Float[Any, "bands local"]  # mean expected of log k and log s
+    pull: Float[Any, "local"]  # one over their standard deviation
     film_scale: Float[Any, "films 2+parts"]  # standard deviations expected
     paint_mean: Float[Any, "paints"]
     paint_scale: Float[Any, "paints"]
@@ -208,7 +206,7 @@ def residuals(unknowns: Unknowns, problem: JointProblem) -> JointResiduals:
         data=(readings(totals(unknowns, problem), problem) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
-        pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
+        pull=(unknowns.bands - problem.level) * problem.pull,
         films=jnp.hstack([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)]),
         paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
         others=unknowns.others,
@@ -227,35 +225,3 @@ def model_deviation(
     may be off.
     """
     return np.hypot(noise.sd(measured), expected.model_sd(measured))
-
-
-def curvature_matrix(wavelengths: Bands) -> Float[np.ndarray, "inner bands"]:
-    """Second divided differences times (10 nm)^2, each weighted by the root of its share of 10 nm.
-
-    So the sum of squares is the same integral over the wavelengths on any grid.
-    """
-    slopes = np.diff(np.eye(len(wavelengths)), axis=0) / np.diff(wavelengths)[:, None]
-    spans = wavelengths[2:] - wavelengths[:-2]
-    return np.diff(slopes, axis=0) * (200.0 / spans * np.sqrt(spans / 20.0))[:, None]
-
-
-def nearly_black(
-    readings: Float[np.ndarray, "films cards bands"],
-    shares: FilmShares,
-    surface: float,
-) -> Bool[np.ndarray, "bands paints"]:
-    """True where the film with most of a paint, if it is the larger part, reflects hardly more than
-    its surface does.
-    """
-    body = np.nanmax(readings, axis=1, initial=0.0) - surface
-    purest = shares.argmax(axis=0)
-    return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
-
-
-def minor_parts(shares: FilmShares) -> Float[np.ndarray, "films parts paints"]:
-    """Assign each error of weight to its paint: all parts of a film but the largest, on as many
-    places as needed.
-    """
-    present = shares > 0
-    order = np.argsort(-shares, axis=1)[:, 1 : int(present.sum(axis=1).max())]
-    return np.eye(shares.shape[1])[order] * np.take_along_axis(present, order, axis=1)[..., None]

@@ -21,8 +21,8 @@ from ..films.result import (
     PerFilmAndCard,
     ReadingSpectra,
 )
-from .constraints import MOST_ERROR, PaintModes
 from .covariance import JointCovariance
+from .pose import MOST_ERROR, ModeNumbers
 from .problem import Expectations, FilmShares, JointProblem, Unknowns
 
 RULE = (
@@ -63,7 +63,8 @@ class JointRecovery(FittedFilms):
         noise: of a reading, as given or as estimated from the readings.
         unit: thickness of a film of unit relative thickness, m.
         known_paints: those that were known before, by name, in the order of `paints`.
-        known_modes: known paint -> its error modes' places among the unknowns' `others`.
+        known_modes: known paint -> its error modes' numbers among the unknowns' `others`, and
+            among its own.
         whole_covariance: covariance of all unknowns together.
         problem: data and expectations as arrays, with readings that there are not left out.
         gauged: whether thicknesses were measured.
@@ -86,7 +87,7 @@ class JointRecovery(FittedFilms):
     noise: Noise
     unit: float
     known_paints: Mapping[str, Pigment]
-    known_modes: Mapping[str, PaintModes]
+    known_modes: Mapping[str, ModeNumbers]
     whole_covariance: JointCovariance
     problem: JointProblem
     gauged: bool

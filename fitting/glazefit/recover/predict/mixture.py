@@ -3,7 +3,7 @@ of it adds.
 
 A priori k and s of a mixture are uncertain as those of its paints are, and as films differ from
 their recipes (`film.model.variation`). All of that is linear in a few errors that are standard
-normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`known`),
+normal: error modes of the mixture. A joint fit takes a paint with error modes as known (`pose`),
 and finds them from a reading: strength above all. What is then predicted of other
 thicknesses and grounds is that same mixing, no more another one.
 """
@@ -33,8 +33,8 @@ from ...film.model.mixing import MixingLaw
 from ...film.model.response import Response, film_response
 from ...film.model.variation import MIXED, Spread, Variation
 from ...film.noise import estimate_noise
-from ..joint.constraints import Gauge
 from ..joint.joint import UNIT, recover_jointly
+from ..joint.pose import Gauge
 from ..joint.problem import Expectations
 from ..joint.result import JointRecovery
 from .prediction import Prediction
@@ -293,7 +293,7 @@ def is_another(calibrated: JointRecovery) -> bool:
     mixtures: it is another paint's, or the recipe is wrong.
     """
     (modes,) = calibrated.known_modes.values()
-    errors = calibrated.unknowns.others[modes.indices]
+    errors = calibrated.unknowns.others[list(modes)]
     # Standard normal a priori.
     return bool(errors @ errors > chi2.ppf(0.99, errors.size))
 

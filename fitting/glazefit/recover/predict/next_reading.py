@@ -29,8 +29,8 @@ from glazejax.spectra import Bands, lie_between
 
 from ...film.films import InstrumentLike, card_readings, usual_cards
 from ...film.model.response import Response, film_response, hiding_factor
-from ..joint.constraints import error_modes
 from ..joint.joint import UNIT
+from ..joint.pose import error_modes
 from ..joint.problem import FilmShares, model_deviation
 from ..joint.result import JointRecovery
 from .mixture import drawn_mixture

@@ -1,5 +1,5 @@
-"""Constraints of a joint fit in addition to its films: paints that are known already, and
-thicknesses from a gauge.
+"""A joint problem from films and recipes, from paints that are known already, and from thicknesses
+by a gauge.
 
 A known paint keeps its k and s, as far as they are known: its error modes become unknowns of the
 fit, each expected to be nought with a standard deviation of one. So does the level of a card that
@@ -9,7 +9,7 @@ assumed length, and a gauge has an error of its own.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,14 +17,18 @@ from jaxtyping import Bool, Float
 from glazejax import Pigment
 from glazejax.spectra import Bands, describe_grid
 
-from ...film.films import Films
+from ...film.films import Films, Instrument, Noise, card_readings
+from ...film.gloss import GLOSS_SD, estimate_gloss
 from ...film.model.errors import ModelError, relative_errors, smooth_modes
+from ...film.model.response import Response, film_response
 from ..films.result import PerFilm
-from .problem import Expectations
+from .problem import Expectations, FilmShares, JointProblem, model_deviation
 
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s that error modes state: errors are propagated by
 first derivatives, which do not hold for larger ones."""
+ModeNumbers: TypeAlias = Mapping[int, int]
+"""Numbers of a known paint's error modes: among the fit's others, and among its own."""
 
 
 @dataclass(frozen=True)
@@ -67,69 +71,50 @@ class Gauge:
         return float(np.exp(np.mean(np.log(list(self.thickness.values())))))
 
 
-class PaintModes(NamedTuple):
-    """Position of a known paint's error modes among the others: from `first` on, those of these
-    numbers.
-    """
-
-    first: int
-    numbers: tuple[int, ...]
-
-    @property
-    def indices(self) -> list[int]:
-        """Numbers among the others."""
-        return list(range(self.first, self.first + len(self.numbers)))
-
-
-class Constraints(NamedTuple):
-    """Arrays of a problem, by the names of its fields: means, and how unknowns that are standard
-    normal a priori (`others`) move what a fit computes with; and what else is known.
-    """
-
-    arrays: Mapping[str, np.ndarray]
-    known: Bool[np.ndarray, "paints"]
-    thickness_sd: PerFilm
-    modes_of: Mapping[str, PaintModes]
-
-
-def gather_constraints(
+def pose(
     films: Films,
     paints: Sequence[str],
+    shares: FilmShares,
+    *,
+    response: Response | None,
+    instrument: Instrument,
+    noise: Noise,
+    expected: Expectations,
     references: Mapping[str, Pigment],
     gauge: Gauge | None,
+    gloss: Mapping[str, float],
     unit: float,
-    expected: Expectations,
-) -> Constraints:
-    """Arrays of what is known.
+) -> tuple[JointProblem, dict[str, ModeNumbers]]:
+    """Arrays of a joint problem, and where each known paint has its error modes.
 
     Args:
         films: measured.
         paints: of all films.
+        shares: of each paint in each film.
+        response: model of a film, by default that of the instrument.
+        instrument: that read the films.
+        noise: of a reading.
+        expected: the prior.
         references: paints that are known, by name; those that no film holds do not matter.
         gauge: thicknesses.
+        gloss: film -> gloss that was measured, of some films.
         unit: thickness of a film of unit relative thickness, m.
-        expected: of thicknesses where there is no gauge, of a factor of all of them where a paint
-            is known, and of each reading's gain.
 
     Raises:
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
             that there is not.
     """
-    bands = films.wavelengths.size
+    grid = films.wavelengths
     count = len(paints)
     known = {
-        column: _on(references[name], films.wavelengths)
+        column: _on(references[name], grid)
         for column, name in enumerate(paints)
         if name in references
     }
-    # Known paints keep their k and s; of the others nothing is known.
-    logs = np.zeros((bands, 2 * count))
-    for column, paint in known.items():
-        optical = unit * np.column_stack([paint.absorption, paint.scattering])
-        logs[:, column::count] = np.log(np.maximum(optical, 1e-7))
-    # Their errors, and those of cards, of the common scale and of gains, are unknowns of the fit.
-    band_modes, modes_of = _paint_modes(known, bands, count)
-    thickness, thickness_sd, factor = _thicknesses(
+    # Errors of known paints, and those of cards, of the common scale and of gains, are unknowns of
+    # the fit.
+    band_modes, mode_numbers = _paint_modes(known, grid.size, count)
+    film_mean, thickness_sd, factor = _thicknesses(
         films, gauge, unit, expected.thickness, expected.scale if known else 0.0
     )
     # A black and a white card that were not measured have one level each, for all films: of
@@ -137,25 +122,78 @@ def gather_constraints(
     cards = films.assumed & films.seen & ~films.opaque[:, None]
     # The log of its gain is each reading's own.
     gains = expected.gain * np.eye(films.seen.size).reshape(-1, *films.seen.shape)
-    arrays = {
+    modes = {
         "band_modes": band_modes,
         "ground_modes": (0.5 * np.eye(2)[:, None] * cards)[cards.any(axis=0)],
         "thickness_modes": factor,
         "gain_modes": gains[films.seen.ravel() & (expected.gain > 0)],
     }
     first = 0
-    count_of_others = sum(map(len, arrays.values()))
+    count_of_others = sum(map(len, modes.values()))
     # Each group where it stands among the others.
-    for name, modes in arrays.items():
-        arrays[name] = np.zeros((count_of_others, *modes.shape[1:]))
-        arrays[name][first : first + len(modes)] = modes
-        first += len(modes)
-    return Constraints(
-        arrays=arrays | {"known": logs, "film_mean": thickness},
-        known=np.isin(np.arange(count), list(known)),
-        thickness_sd=thickness_sd,
-        modes_of=modes_of,
+    for name, group in modes.items():
+        modes[name] = np.zeros((count_of_others, *group.shape[1:]))
+        modes[name][first : first + len(group)] = group
+        first += len(group)
+
+    card_data = card_readings(films, instrument, noise)
+    measured = card_data.reflectance
+    # A card's own error reaches the reading through the film, at most as a bare card's does.
+    deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
+    # Expected errors of each film's thickness, gloss and weights.
+    minor = minor_parts(shares)
+    # A paint's own weight error: a share of it, and what the balance leaves open.
+    minor_share = np.einsum("fep,fp->fe", minor, shares)
+    errors = np.hypot(
+        expected.weight_share, expected.weight_floor / np.where(minor_share > 0, minor_share, 1.0)
     )
+    log_gloss = np.log([gloss.get(name, np.nan) for name in films.names])
+    gloss_sd = np.where(np.isnan(log_gloss), expected.gloss, GLOSS_SD)
+    # Of log k of all paints, then of log s.
+    level = np.tile(np.repeat([expected.level_k[0], expected.level_s[0]], count), (grid.size, 1))
+    # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
+    pull = np.repeat([1.0 / expected.level_k[1], 1.0 / expected.level_s[1]], count)
+    pull = pull / np.sqrt(grid.size)
+    stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], count)
+    black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
+    step = expected.slope_s * np.sqrt(np.diff(grid) / 10.0)
+    steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2)
+    steepness = steepness * np.repeat([0.0, 1.0], count)
+    # Known paints keep their k and s: only what their modes leave out is free, band by band.
+    for column, paint in known.items():
+        optical = unit * np.column_stack([paint.absorption, paint.scattering])
+        level[:, column::count] = np.log(np.maximum(optical, 1e-7))
+        pull[column::count] = 100.0
+        stiffness[column::count] = 0.0
+        steepness[:, column::count] = 0.0
+    # The gloss that the films in which a paint is the largest part demand.
+    demanded = np.log(estimate_gloss(films, instrument, noise))
+    paint_mean = np.zeros(count)
+    np.minimum.at(paint_mean, shares.argmax(axis=1), demanded)
+    # Bands first, where arrays have them.
+    problem = JointProblem(
+        response=response or film_response(instrument),
+        reading=np.moveaxis(measured, 1, 0),
+        ground=np.moveaxis(card_data.ground, 1, 0),
+        weight=np.moveaxis(1.0 / deviation, 1, 0),
+        shares=shares,
+        minor=minor,
+        surface=np.array(instrument.seen_surface),
+        curvature=curvature_matrix(grid),
+        stiffness=stiffness,
+        steepness=steepness,
+        level=level,
+        pull=pull,
+        film_mean=film_mean,
+        film_scale=np.column_stack([thickness_sd, gloss_sd, errors]),
+        paint_mean=paint_mean,
+        paint_scale=np.full(count, expected.paint_gloss),
+        tail=np.array(expected.tail),
+        opaque=films.opaque,
+        gloss=log_gloss,
+        **modes,
+    )
+    return problem, mode_numbers
 
 
 def _on(paint: Pigment, grid: Bands) -> Pigment:
@@ -170,8 +208,8 @@ def _on(paint: Pigment, grid: Bands) -> Pigment:
 
 def _paint_modes(
     references: Mapping[int, Pigment], bands: int, paints: int
-) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, PaintModes]]:
-    """Modes of known paints, by column, and the places of each; those of one provenance share
+) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, ModeNumbers]]:
+    """Modes of known paints, by column, and the numbers of each; those of one provenance share
     theirs.
 
     Modes that are nought for all of them, such as those of other paints of their file, are left
@@ -184,7 +222,7 @@ def _paint_modes(
         source = column if stated_modes is None else (paint.provenance, len(stated_modes))
         groups.setdefault(source, {})[column] = paint
     blocks = [np.zeros((0, bands, 2 * paints))]
-    spans = {}
+    mode_numbers: dict[str, ModeNumbers] = {}
     first = 0
     for group in groups.values():
         modes = np.stack([error_modes(paint) for paint in group.values()], axis=-1)
@@ -192,11 +230,10 @@ def _paint_modes(
         block = np.zeros((nonzero.size, bands, 2, paints))
         block[..., list(group)] = np.swapaxes(modes[nonzero], 1, 2)
         blocks.append(block.reshape(nonzero.size, bands, 2 * paints))
-        spans |= {
-            paint.name: PaintModes(first, tuple(nonzero.tolist())) for paint in group.values()
-        }
+        numbers = dict(enumerate(nonzero.tolist(), first))
+        mode_numbers |= {paint.name: numbers for paint in group.values()}
         first += nonzero.size
-    return np.concatenate(blocks), spans
+    return np.concatenate(blocks), mode_numbers
 
 
 def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
@@ -231,3 +268,35 @@ def _thicknesses(
         common = max(common, gauge.common)
     # No factor where nothing is common.
     return mean, sd, np.full((int(common > 0), count), common)
+
+
+def curvature_matrix(wavelengths: Bands) -> Float[np.ndarray, "inner bands"]:
+    """Second divided differences times (10 nm)^2, each weighted by the root of its share of 10 nm.
+
+    So the sum of squares is the same integral over the wavelengths on any grid.
+    """
+    slopes = np.diff(np.eye(len(wavelengths)), axis=0) / np.diff(wavelengths)[:, None]
+    spans = wavelengths[2:] - wavelengths[:-2]
+    return np.diff(slopes, axis=0) * (200.0 / spans * np.sqrt(spans / 20.0))[:, None]
+
+
+def nearly_black(
+    readings: Float[np.ndarray, "films cards bands"],
+    shares: FilmShares,
+    surface: float,
+) -> Bool[np.ndarray, "bands paints"]:
+    """True where the film with most of a paint, if it is the larger part, reflects hardly more than
+    its surface does.
+    """
+    body = np.nanmax(readings, axis=1, initial=0.0) - surface
+    purest = shares.argmax(axis=0)
+    return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
+
+
+def minor_parts(shares: FilmShares) -> Float[np.ndarray, "films parts paints"]:
+    """Assign each error of weight to its paint: all parts of a film but the largest, on as many
+    places as needed.
+    """
+    present = shares > 0
+    order = np.argsort(-shares, axis=1)[:, 1 : int(present.sum(axis=1).max())]
+    return np.eye(shares.shape[1])[order] * np.take_along_axis(present, order, axis=1)[..., None]
