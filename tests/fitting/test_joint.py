@@ -15,7 +15,6 @@ from glazefit.film.films import Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw, weight_table
 from glazefit.film.model.response import film_response
 from glazefit.film.simulate import simulate_films
-from glazefit.recover.joint.covariance import JointCovariance
 from glazefit.recover.joint.joint import recover_jointly
 from glazefit.recover.joint.pose import Gauge, curvature_matrix, pose
 from glazefit.recover.joint.problem import (
@@ -26,7 +25,13 @@ from glazefit.recover.joint.problem import (
     residuals,
     totals,
 )
-from glazefit.recover.joint.solver import factorise, look, solve, solve_jointly
+from glazefit.recover.joint.solver import (
+    JointCovariance,
+    factorise,
+    look,
+    solve,
+    solve_jointly,
+)
 from glazefit.recover.predict.crossvalidation import cross_validate
 from glazefit.recover.predict.prediction import predict_films
 from glazejax import Pigment

@@ -21,11 +21,10 @@ from ...film.films import Films, InstrumentLike, Noise
 from ...film.model.mixing import MixingLaw, weight_table
 from ...film.model.response import Response
 from ...film.noise import estimate_noise
-from .covariance import JointCovariance
 from .pose import Gauge, pose
 from .problem import Expectations, Unknowns, deviations, readings, totals
 from .result import JointRecovery
-from .solver import factorise, solve_jointly
+from .solver import JointCovariance, factorise, solve_jointly
 
 UNIT = 25e-6
 """Thickness of a film of unit relative thickness where none is known, m."""

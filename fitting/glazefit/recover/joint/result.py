@@ -21,9 +21,9 @@ from ..films.result import (
     PerFilmAndCard,
     ReadingSpectra,
 )
-from .covariance import JointCovariance
 from .pose import MOST_ERROR, ModeNumbers
 from .problem import Expectations, FilmShares, JointProblem, Unknowns
+from .solver import JointCovariance
 
 RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "

@@ -9,9 +9,13 @@ Columns of the Jacobian are found by differentiating along unit steps of all ban
 all films at once: a reading moves with its own only. That is one compiled program; LAPACK's band
 matrices do the rest, where a compiled solver takes half a minute to compile for every new number of
 films.
+
+The covariance that a fit leaves in k and s of all paints at all wavelengths is known by the same
+factors. The whole of it, of thousands of coefficients, is never formed. Draws from it would do too,
+but a few hundred say a small paint's errors no better than to a fifth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import jax
@@ -21,6 +25,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 from scipy.linalg import get_lapack_funcs
 
+from ...film.model.errors import principal_modes
 from ...film.numerics.least_squares import Descent, Surroundings, descend
 from .problem import JointProblem, JointResiduals, Unknowns, residuals
 
@@ -96,29 +101,28 @@ def normal_matrix(
     films, per_film = zero.films.shape
     paints = zero.paints.size
 
-    every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))
-    every_film = jnp.broadcast_to(jnp.eye(per_film)[:, None], (per_film, films, per_film))
-    by_band = jax.vmap(lambda step: along(zero._replace(bands=step)))(every_band)
-    by_film = jax.vmap(lambda step: along(zero._replace(films=step)))(every_film)
+    # Of readings, along one unknown of all bands and of all films at once: (local, bands, films, 2)
+    # and so on.
+    by_band = jax.vmap(lambda unit: along(zero._replace(bands=zero.bands + unit)).data)(
+        jnp.eye(local)
+    )
+    by_film = jax.vmap(lambda unit: along(zero._replace(films=zero.films + unit)).data)(
+        jnp.eye(per_film)
+    )
     # Paints' gloss and the others move all readings.
     by_rest = jax.vmap(
-        lambda step: along(zero._replace(paints=step[:paints], others=step[paints:]))
+        lambda step: along(zero._replace(paints=step[:paints], others=step[paints:])).data
     )(jnp.eye(paints + zero.others.size))
-    # Rows of readings: (local, bands, films, 2) and so on.
-    inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data) + jnp.einsum(
-        "ibl,jbl->bij", by_band.pull, by_band.pull
-    )
-    to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data)
-    to_rest = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_rest.data)
-    film_blocks = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data) + jnp.einsum(
-        "dfl,efl->fde", by_film.films, by_film.films
-    )
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_rest.data).reshape(films * per_film, -1)
-    shared_block = (
-        jnp.einsum("pbfc,qbfc->pq", by_rest.data, by_rest.data)
-        + by_rest.paints @ by_rest.paints.T
-        + by_rest.others @ by_rest.others.T
-    )
+    # In a prior each unknown has a row of its own.
+    prior = along(jax.tree.map(jnp.ones_like, point))
+    inner = jnp.einsum("ibfc,jbfc->bij", by_band, by_band)
+    to_films = jnp.einsum("ibfc,ebfc->bife", by_band, by_film)
+    to_rest = jnp.einsum("ibfc,pbfc->bip", by_band, by_rest)
+    film_blocks = jnp.einsum("dbfc,ebfc->fde", by_film, by_film)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film, by_rest).reshape(films * per_film, -1)
+    rest = jnp.einsum("pbfc,qbfc->pq", by_rest, by_rest)
+    corner = jnp.block([[jax.scipy.linalg.block_diag(*film_blocks), between], [between.T, rest]])
+    shared_prior, _ = ravel_pytree((prior.films, prior.paints, prior.others))
     # Of curvature, whose rows reach over three bands, and of steps. What would tie the last bands
     # to further ones is not read.
     curved = [
@@ -128,14 +132,12 @@ def normal_matrix(
     after = jnp.pad(problem.steepness**2, ((0, 1), (0, 0)))
     steps = [after + jnp.roll(after, 1, axis=0), -after, jnp.zeros_like(after)]
     return Normal(
-        inner=inner,
+        inner=inner + prior.pull[..., None] ** 2 * jnp.eye(local),
         ties=jnp.stack(curved)[..., None] * problem.stiffness**2 + jnp.stack(steps),
         border=jnp.concatenate(
             [to_films.reshape(bands, local, films * per_film), to_rest], axis=-1
         ),
-        corner=jnp.block(
-            [[jax.scipy.linalg.block_diag(*film_blocks), between], [between.T, shared_block]]
-        ),
+        corner=corner + jnp.diag(shared_prior**2),
     )
 
 
@@ -191,3 +193,111 @@ def unflatten(flat: Float[np.ndarray, "*n unknowns"], like: Unknowns) -> Unknown
         for piece, block in zip(blocks, like, strict=True)
     )
     return Unknowns(*shaped)
+
+
+class JointCovariance(NamedTuple):
+    """Laplace's covariance of all unknowns as they are (`totals`).
+
+    Attributes:
+        factors: of the normal matrix, of the deviations.
+        modes: how what all bands share moves all unknowns in addition.
+        others: number of the unknowns' `others`, which are the last.
+    """
+
+    factors: Factors
+    modes: Float[np.ndarray, "shared unknowns"]
+    others: int
+
+    @classmethod
+    def of(cls, problem: JointProblem, factors: Factors) -> "JointCovariance":
+        """At the solution of a problem."""
+        count, shared = factors.border.shape
+        films, per_film = problem.film_scale.shape
+        thickness = problem.thickness_modes
+        modes = np.zeros((shared, count + shared))
+        first = shared - len(thickness)
+        modes[first:, :count] = np.reshape(problem.band_modes, (len(thickness), count))
+        modes[first:, count : count + films * per_film : per_film] = thickness
+        return cls(factors, modes, len(thickness))
+
+    @property
+    def of_shared(self) -> Float[np.ndarray, "shared shared"]:
+        """Covariance of what all bands share."""
+        count, shared = self.factors.border.shape
+        root = self.factors.corner @ (np.eye(shared) + self.modes[:, count:])
+        return root.T @ root
+
+    def of_bands(self, bands: int) -> Float[np.ndarray, "bands local local"]:
+        """Covariance of each band's unknowns."""
+        diagonals, border, corner = self.factors
+        local = len(border) // bands
+        blocks = []
+        for first in range(0, len(border), local):
+            # Columns of the inverse factor are nought at the bands before.
+            rest = Factors(diagonals[:, first:], border[first:], corner)
+            here = np.eye(len(rest.border), local)
+            white = whiten(rest, np.concatenate([here, self.modes[:, first : first + local]]))
+            blocks.append(white.T @ white)
+        return np.stack(blocks)
+
+    def times(
+        self, vectors: Float[np.ndarray, "unknowns columns"]
+    ) -> Float[np.ndarray, "unknowns columns"]:
+        """The covariance times some vectors."""
+        count = len(self.factors.border)
+        shared = vectors[count:] + self.modes @ vectors
+        solved = solve(self.factors, np.concatenate([vectors[:count], shared]))
+        return solved + self.modes.T @ solved[count:]
+
+    def regress(
+        self, numbers: Sequence[int]
+    ) -> tuple[Float[np.ndarray, "known numbers"], Float[np.ndarray, "known numbers"]]:
+        """Slopes of the bands' unknowns by some of the `others`, and their covariance with them."""
+        count = len(self.factors.border)
+        # Of no columns LAPACK's wrapper writes where it must not (scipy 1.17).
+        if not len(numbers):
+            nothing = np.zeros((0, count))
+            return nothing, nothing
+        size = self.modes.shape[1]
+        rows = size - self.others + np.array(numbers)
+        columns = self.times(np.eye(size)[:, rows])
+        across = columns[:count].T
+        return np.linalg.inv(columns[rows]) @ across, across
+
+    def draw(self, best: Unknowns, count: int) -> Unknowns:
+        """Draws about the solution, each with a leading axis of draws."""
+        rng = np.random.default_rng(0)
+        bands, shared = self.factors.border.shape
+        noise = [rng.standard_normal((numbers, count)) for numbers in (shared, bands)]
+        off = unwhiten(self.factors, np.concatenate(noise[::-1]))
+        off = off + self.modes.T @ off[bands:]
+        return jax.tree.map(np.add, best, unflatten(off.T, best))
+
+    def largest(
+        self, size: Float[np.ndarray, "*shape"], count: int, known: Sequence[int] = ()
+    ) -> Float[np.ndarray, "modes *shape"]:
+        """The largest modes of the coefficients' errors (`principal_modes`), largest first, by
+        subspace iteration.
+
+        Args:
+            size: factor of each coefficient's error, (bands, local), 0 for those that do not
+                matter.
+            count: of the modes; there are no more than coefficients.
+            known: numbers of the `others` whose values are taken as known.
+        """
+        slopes, across = self.regress(known)
+        scale = size.reshape(-1, 1)
+
+        def times(basis: Float[np.ndarray, "numbers columns"]) -> np.ndarray:
+            scaled = basis * scale
+            wide = np.pad(scaled, ((0, len(self.modes)), (0, 0)))
+            return (self.times(wide)[: len(basis)] - slopes.T @ (across @ scaled)) * scale
+
+        # With so many vectors more than are wanted, and the covariance applied so often, the last
+        # modes are good to some per cent.
+        columns = min(count + 16, size.size)
+        basis = np.random.default_rng(0).standard_normal((size.size, columns))
+        for _ in range(8):
+            basis, _ = np.linalg.qr(times(basis))
+        modes = principal_modes(basis.T @ times(basis))[-count:] @ basis.T
+        return modes[::-1].reshape(-1, *size.shape)
