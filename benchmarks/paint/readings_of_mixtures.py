@@ -32,9 +32,15 @@ from glazefit.recover.joint.joint import UNIT, recover_jointly
 from glazefit.recover.joint.problem import model_deviation
 from glazefit.recover.joint.result import JointRecovery
 from glazefit.recover.predict.crossvalidation import without
-from glazefit.recover.predict.mixture import CLOSE, calibrate_mixture, mix, predict_mixture
+from glazefit.recover.predict.mixture import (
+    CLOSE,
+    SMOOTH,
+    calibrate_mixture,
+    film_readings,
+    mix,
+    predict_mixture,
+)
 from glazefit.recover.predict.prediction import Prediction, predict_films
-from glazefit.recover.predict.reading_errors import SMOOTH, film_readings
 from glazejax import Pigment, colour
 
 Recipes = dict[str, dict[str, float]]
@@ -425,8 +431,7 @@ def _best_thickness(
     grid = truth.shape[1]
     spectra = film_readings(
         response or film_response(whole.instrument),
-        np.asarray(paint.absorption) * UNIT,
-        np.asarray(paint.scattering) * UNIT,
+        np.stack([paint.absorption, paint.scattering]) * UNIT,
         np.broadcast_to(logs[:, None, None], (_POINTS, 2, grid)),
         ground,
     )

@@ -8,10 +8,11 @@ and finds them from a reading: strength above all. What is then predicted of oth
 thicknesses and grounds is that same mixing, no more another one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
@@ -25,6 +26,7 @@ from glazejax.spectra import Bands
 from ...film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ...film.model.errors import (
     ModelError,
+    draw_model_errors,
     error_modes,
     relative_errors,
     smooth_modes,
@@ -35,14 +37,20 @@ from ...film.model.variation import MIXED, Spread, Variation
 from ...film.noise import estimate_noise
 from ..joint.joint import UNIT, recover_jointly
 from ..joint.pose import Gauge
-from ..joint.problem import Expectations
+from ..joint.problem import Expectations, readings_of_draws
 from ..joint.result import JointRecovery
-from .prediction import Prediction
-from .reading_errors import film_readings, reading_errors
+from .prediction import PARTS, CardSpectra, DrawnSpectra, Prediction, split_draws
 
 CLOSE = Expectations(model_floor=0.002, model_share=0.006)
 """A reading of the mixture itself counts as far as the optics is exact, not as a paint between
 films.
+"""
+SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
+"""Errors of the model, of size one: similar at neighbouring bands."""
+
+ErrorsAt = Callable[[float, CardSpectra], tuple[CardSpectra, DrawnSpectra]]
+"""Expected errors of readings of a film, and each draw's deviation from them, by its relative
+thickness and its reflectance over black and white.
 """
 
 
@@ -139,31 +147,26 @@ def predict_mixture(
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     errors_at = None
     if calibrated is None:
-        mixture = _mix(pigments, recipe, wavelengths, law)
-        grid = mixture.wavelengths
-        k, s = mixture.coefficients
+        _, grid, coefficients, modes = _mix(pigments, recipe, wavelengths, law)
         # Draws of the errors of the paints, and of the film's own.
         rng = np.random.default_rng(0)
-        mode_groups = mixture.modes
         paint_draws, film = (
-            rng.standard_normal((256, len(mode_groups[source]))) for source in ("paint", "film")
+            rng.standard_normal((256, len(modes[source]))) for source in ("paint", "film")
         )
         # Scale and shape are two sides of the same errors.
         normal = {"scale": paint_draws, "paint": paint_draws, "film": film}
-        off = {
-            source: np.einsum("dm,mcb->dcb", normal[source], modes)
-            for source, modes in mode_groups.items()
-        }
+        off = [np.einsum("dm,mcb->dcb", normal[source], modes[source]) for source in PARTS]
         gloss = 1.0
     else:
         grid = calibrated.wavelengths
-        k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
+        coefficients = np.exp(calibrated.unknowns.bands.T) / UNIT
         # It is that mixing, and errors of its paints are errors of it.
         drawn = drawn_mixture(calibrated)
-        off = {"scale": np.zeros_like(drawn), "paint": drawn, "film": np.zeros_like(drawn)}
+        off = [np.zeros_like(drawn), drawn, np.zeros_like(drawn)]
         gloss = float(calibrated.gloss[0])
         errors_at = reading_errors(calibrated, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
+    errors = np.concatenate([np.zeros((1, 2, grid.size)), *off])
     grounds = usual_cards(grid) if ground is None else ground
     surface = instrument.seen_surface * gloss
     out = []
@@ -172,19 +175,13 @@ def predict_mixture(
             raise ValueError(
                 f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
             )
-        mean = film_readings(
-            response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds
-        )[0]
-        deviations = {
-            source: film_readings(response, k * metres, s * metres, o, grounds) - mean
-            for source, o in off.items()
-        }
-        read = mean + surface
+        spectra = film_readings(response, coefficients * metres, errors, grounds) + surface
+        mean, deviations = split_draws(spectra)
         if errors_at is not None:
-            shift, extra = errors_at(metres / UNIT, read)
-            read = read + shift
+            shift, extra = errors_at(metres / UNIT, mean)
+            mean = mean + shift
             deviations["paint"] += extra
-        over_black, over_white = read
+        over_black, over_white = mean
         out.append(
             Prediction(
                 name=format_length(metres),
@@ -197,6 +194,89 @@ def predict_mixture(
             )
         )
     return out
+
+
+def reading_errors(calibrated: JointRecovery, correlation: float) -> ErrorsAt:
+    """Errors of readings of a mixture, by their surface, their gain, and the model.
+
+    One draw of them holds for films of every thickness. A film that was read, over another card,
+    is off as its reading was, as far as the two are correlated.
+
+    Args:
+        calibrated: fit of what was read.
+        correlation: of errors of one film over two cards.
+    """
+    films = calibrated.films
+    size = calibrated.expectations
+    # Readings that the films should have given without a gain, by the solution and by each draw:
+    # what the measured ones differ by is error.
+    ungained = calibrated.problem._replace(gain_modes=np.zeros_like(calibrated.problem.gain_modes))
+    points = jax.tree.map(
+        lambda best, draws: np.concatenate([best[None], draws]),
+        calibrated.unknowns,
+        calibrated.draws,
+    )
+    computed = np.moveaxis(np.asarray(readings_of_draws(points, ungained)), 1, -1)
+    expected = computed[0]
+    # Noise and cards are in the residual's size, and a gain of its own is not.
+    all_of_it = np.hypot(calibrated.residual_sd, size.gain * expected)
+    # In standard deviations: by the solution, and by each draw of what is unknown.
+    off = (films.over_cards - computed) / all_of_it
+    # How much of what a reading was off is gain and model, no noise; nothing where none was read.
+    reach = np.minimum(_error_size(size, expected) / all_of_it, 1.0) * films.seen[:, :, None]
+    log_gloss = calibrated.draws.paints[:, 0] + calibrated.draws.films[:, 0, 1]
+    gloss = (np.exp(log_gloss) - calibrated.gloss[0])[:, None, None]
+    surface = calibrated.instrument.seen_surface * gloss
+    # Of films that were not read.
+    rng = np.random.default_rng(1)
+    gain = rng.standard_normal((len(gloss), 2, 1))
+    model = draw_model_errors(rng, len(gloss), 2, calibrated.wavelengths, SMOOTH)
+    through = np.flatnonzero(~films.opaque)
+
+    def errors_at(thickness: float, expected: CardSpectra) -> tuple[CardSpectra, DrawnSpectra]:
+        new = size.gain * expected * gain + size.model_sd(expected) * model
+        if through.size == 0:
+            return np.zeros_like(expected), surface + new
+        distances = np.abs(np.log(calibrated.thickness[through] / thickness))
+        film = through[distances.argmin()]
+        # A film as thick as the one that was read is that film. With thickness a tenth off, as a
+        # standard deviation, less and less of the reading's errors goes.
+        same = correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
+        # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
+        # was read over one card or two.
+        reached = reach[film].T  # (bands, 2)
+        card_covariance = correlation * reached[:, :, None] * reached[:, None, :]
+        card_covariance[:, [0, 1], [0, 1]] = 1.0
+        towards = same * reached
+        share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
+        remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
+        kept = np.einsum("bc,dcb->db", share, off[:, film])[:, None]
+        kept = kept * _error_size(size, expected)
+        shift = kept[0]
+        return shift, surface + (kept[1:] - shift) + remaining * new
+
+    return errors_at
+
+
+def _error_size(
+    expected: Expectations, reflectance: Float[np.ndarray, "*n bands"]
+) -> Float[np.ndarray, "*n bands"]:
+    """Standard deviation of a reading by its gain and by the model."""
+    return np.hypot(expected.gain * reflectance, expected.model_sd(reflectance))
+
+
+def film_readings(
+    response: Response,
+    optical: Float[np.ndarray, "2 bands"],
+    off: Float[np.ndarray, "draws 2 bands"],
+    grounds: Sequence[float | Bands],
+) -> DrawnSpectra:
+    """Reflectance of the body over two grounds, of films of k d and s d with errors of their
+    logs.
+    """
+    kd, sd = np.split(optical * np.exp(off), 2, axis=1)
+    ground = np.stack([np.broadcast_to(each, optical.shape[1]) for each in grounds])
+    return np.asarray(response.body(kd, sd, ground))
 
 
 def calibrate_mixture(
@@ -339,16 +419,21 @@ def _mix(
     # Eight shapes hold nearly all of a smooth error.
     smooth = smooth_modes(grid, usual.coefficient_length, 8)
     stated = relative_errors(paints, usual)[:, :, None] * smooth
-    shared = error_modes(paints, usual)
-    stated_level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
-    shared_level = np.broadcast_to(shared.mean(axis=2, keepdims=True), shared.shape)
+    shared = np.moveaxis(error_modes(paints, usual), -1, 2)
 
     def mix_errors(
         separate: Float[np.ndarray, "paints 2 shapes bands"],
-        together: Float[np.ndarray, "paints 2 bands modes"],
+        together: Float[np.ndarray, "paints 2 modes bands"],
     ) -> Float[np.ndarray, "all 2 bands"]:
-        return np.concatenate([alone(separate), np.einsum("pcbm,pcb->mcb", together, elasticity)])
+        return np.concatenate([alone(separate), np.einsum("pcmb,pcb->mcb", together, elasticity)])
 
+    # Their level over the bands, and what is left of them.
+    scale = mix_errors(
+        *(
+            np.broadcast_to(modes.mean(axis=-1, keepdims=True), modes.shape)
+            for modes in (stated, shared)
+        )
+    )
     varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
     varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
     components = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
@@ -357,8 +442,8 @@ def _mix(
         wavelengths=grid,
         coefficients=coefficients,
         modes={
-            "scale": mix_errors(stated_level, shared_level),
-            "paint": mix_errors(stated - stated_level, shared - shared_level),
+            "scale": scale,
+            "paint": mix_errors(stated, shared) - scale,
             "film": alone(np.broadcast_to(varied, (len(paints), 2, *varied.shape))),
         },
     )

@@ -33,8 +33,7 @@ from ..joint.joint import UNIT
 from ..joint.pose import error_modes
 from ..joint.problem import FilmShares, model_deviation
 from ..joint.result import JointRecovery
-from .mixture import drawn_mixture
-from .reading_errors import film_readings
+from .mixture import drawn_mixture, film_readings
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ def rank_next_readings(
     response = response or film_response(resolve_instrument(instrument))
     grid = calibrated.wavelengths
     grounds = usual_cards(grid) if ground is None else ground
-    k, s = calibrated.absorption[0] / UNIT, calibrated.scattering[0] / UNIT
+    coefficients = np.exp(calibrated.unknowns.bands.T) / UNIT
     off = drawn_mixture(calibrated)
     # Another film of it is as thick as was meant to within this.
     thickness_errors = calibrated.expectations.thickness * np.random.default_rng(2).standard_normal(
@@ -144,7 +143,7 @@ def rank_next_readings(
     bands = reading_bands(grid.size, 8)
 
     def bodies(metres: float, off: np.ndarray) -> np.ndarray:
-        return film_readings(response, k * metres, s * metres, off, grounds)
+        return film_readings(response, coefficients * metres, off, grounds)
 
     def looks(draws: np.ndarray) -> np.ndarray:
         return np.concatenate([bodies(metres, draws) for metres in thickness], axis=1)

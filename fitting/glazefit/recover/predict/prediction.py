@@ -174,6 +174,17 @@ def interval_of(
     return low, high
 
 
+def split_draws(
+    spectra: Float[np.ndarray, "all 2 bands"],
+) -> tuple[CardSpectra, dict[str, DrawnSpectra]]:
+    """The expected film, and how draws deviate from it by each of `PARTS`, of spectra of the one
+    and then of as many draws of each.
+    """
+    mean = spectra[0]
+    deviations = np.split(spectra[1:] - mean, len(PARTS))
+    return mean, dict(zip(PARTS, deviations, strict=True))
+
+
 def predict_films(
     recovery: JointRecovery,
     films: Films,
@@ -223,10 +234,9 @@ def predict_films(
     model = draw_model_errors(rng, count, 2, films.wavelengths, discrepancy)
     # The film as it is expected, then draws of the errors of each of `PARTS`.
     errors = np.concatenate([np.zeros_like(off[:1]), level, off - level, np.swapaxes(varied, 1, 2)])
-    ends = 1 + count * np.arange(len(PARTS))
     coefficients = np.exp(recovery.unknowns.bands + errors)
     log_gloss = np.tile(recovery.unknowns.paints, (len(errors), 1))
-    log_gloss[ends[1] : ends[2]] = recovery.draws.paints
+    log_gloss[1 + count : 1 + 2 * count] = recovery.draws.paints
     out = []
     for row, name in enumerate(films.names):
         measured = card_data.reflectance[row]
@@ -241,8 +251,7 @@ def predict_films(
             recovery.expectations.thickness,
             response=response,
         )
-        (mean,), *drawn = np.split(np.moveaxis(np.asarray(body), -1, 1) + surface, ends)
-        deviations = {source: spectra - mean for source, spectra in zip(PARTS, drawn, strict=True)}
+        mean, deviations = split_draws(np.moveaxis(np.asarray(body), -1, 1) + surface)
         deviations["film"] += model
         out.append(
             Prediction(
