@@ -138,8 +138,7 @@ def pose(
 
     card_data = card_readings(films, instrument, noise)
     measured = card_data.reflectance
-    # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(model_deviation(measured, noise, expected), card_data.ground_sd * measured)
+    deviation = model_deviation(measured, noise, expected, card_data.ground_sd)
     # Expected errors of each film's thickness, gloss and weights.
     minor = minor_parts(shares)
     # A paint's own weight error: a share of it, and what the balance leaves open.

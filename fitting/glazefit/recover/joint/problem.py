@@ -219,9 +219,14 @@ def heavy_tail(x: Float[Array, "*shape"], freedom: Float[Array, ""]) -> Float[Ar
 
 
 def model_deviation(
-    measured: Float[np.ndarray, "*shape"], noise: Noise, expected: Expectations
+    measured: Float[np.ndarray, "*shape"],
+    noise: Noise,
+    expected: Expectations,
+    ground_sd: Float[np.ndarray, "*#shape"] | float = 0.0,
 ) -> Float[np.ndarray, "*shape"]:
-    """Standard deviation of a reading from the model's: the instrument's noise and what the model
-    may be off.
+    """Standard deviation of a reading from the model's: the instrument's noise, what the model may
+    be off, and a card's own error, which reaches the reading through the film, at most as a bare
+    card's does.
     """
-    return np.hypot(noise.sd(measured), expected.model_sd(measured))
+    of_model = np.hypot(noise.sd(measured), expected.model_sd(measured))
+    return np.hypot(of_model, ground_sd * measured)

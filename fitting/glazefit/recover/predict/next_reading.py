@@ -31,8 +31,8 @@ from ...film.films import InstrumentLike, card_readings, usual_cards
 from ...film.model.response import Response, film_response, hiding_factor
 from ..joint.joint import UNIT
 from ..joint.pose import error_modes
-from ..joint.problem import FilmShares, model_deviation
-from ..joint.result import JointRecovery
+from ..joint.problem import FilmShares, JointProblem, Unknowns, model_deviation, readings
+from ..joint.result import JointRecovery, by_paint
 from .mixture import drawn_mixture, film_readings
 
 
@@ -175,14 +175,6 @@ def rank_next_readings(
     return rank_candidates(candidates, off, looks, grid)
 
 
-class _Open(NamedTuple):
-    """Draws of what is open of films that are planned; the first is the expected one."""
-
-    coefficients: Float[np.ndarray, "draws bands 2 paints"]  # log k and log s for unit thickness
-    amounts: Float[np.ndarray, "draws films paints"]  # log of thickness, and errors of weights
-    gloss: Float[np.ndarray, "draws films"]  # log
-
-
 class _PlannedFilms(NamedTuple):
     """Films that are easily made and were not."""
 
@@ -207,7 +199,6 @@ def rank_next_films(
     Raises:
         ValueError: no such paint.
     """
-    response = film_response(recovery.instrument)
     # The white of the tints: one of the fit, or one that stands in for it.
     row = recovery.row(paint)
     whites = _whites(recovery)
@@ -226,24 +217,32 @@ def rank_next_films(
     bands = bands[reading_bands(bands.size, 31)]
     grid = recovery.wavelengths[bands]
     rows = [row, recovery.row(pale)] if pale in recovery.paints else [row]
-    open_ = _open(recovery, rows, bands, plan, stand_in)
+    draws = _draw_plan(recovery, rows, bands, plan, stand_in)
+    # Over the cards of the first film.
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
-    ground, ground_sd = (values[0, bands].T for values in (card_data.ground, card_data.ground_sd))
-    expected, moves = map(
-        np.asarray,
-        _readings(open_, plan.shares, ground, recovery.instrument.seen_surface, response),
+    ground, ground_sd = (values[0, bands] for values in (card_data.ground, card_data.ground_sd))
+    films, paints = plan.shares.shape
+    none_known = np.zeros((0, films, 2))
+    planned = recovery.problem._replace(
+        ground=ground[:, None],
+        shares=plan.shares,
+        # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
+        minor=np.broadcast_to(np.eye(1, paints), (films, 1, paints)),
+        opaque=np.zeros(films, dtype=bool),
+        gloss=np.full(films, np.nan),
+        ground_modes=none_known,
+        gain_modes=none_known,
     )
+    expected, moves = map(np.asarray, _linear_readings(draws, planned))
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
     read = reading_bands(grid.size, 16)
     thinning = np.sqrt(recovery.wavelengths.size / read.size)
-    deviation = model_deviation(expected, recovery.noise, recovery.expectations)
-    # A card's own error reaches the reading through the film, at most as a bare card's does.
-    deviation = np.hypot(deviation, ground_sd * expected) / thinning
+    deviation = model_deviation(expected, recovery.noise, recovery.expectations, ground_sd.T)
     candidates = [
         CandidateReading(
             name,
             moves[:, film][:, :, read].reshape(len(moves), -1),
-            deviation[film][:, read].ravel(),
+            deviation[film][:, read].ravel() / thinning,
         )
         for film, name in enumerate(plan.names)
     ]
@@ -251,10 +250,11 @@ def rank_next_films(
     judged = [_tint(white_parts) for white_parts in (1.0, 3.0, 10.0, 30.0) if pale is not None]
     mixtures = np.stack([plan.shares[0], *judged])
 
-    def looks(draws: np.ndarray) -> np.ndarray:
-        return np.asarray(_reflectances(draws, mixtures, np.exp(depth), response))
+    def looks(logs: np.ndarray) -> np.ndarray:
+        coefficients = by_paint(logs)
+        return np.asarray(_reflectances(coefficients, mixtures, np.exp(depth), planned.response))
 
-    return rank_candidates(candidates, open_.coefficients[1:], looks, grid)
+    return rank_candidates(candidates, draws.bands[1:], looks, grid)
 
 
 def _tint(white_parts: float) -> Float[np.ndarray, "2"]:
@@ -294,15 +294,15 @@ def _plan(recovery: JointRecovery, row: int, pale: str | None, depth: float) -> 
     )
 
 
-def _open(
+def _draw_plan(
     recovery: JointRecovery,
     rows: list[int],
     bands: np.ndarray,
     plan: _PlannedFilms,
     white: Pigment | None,
-) -> _Open:
-    """Draw what is open, at some bands, of paints of the fit, by row, and of a white that is in no
-    film of it.
+) -> Unknowns:
+    """Draws of what is open of planned films, at some bands, from paints of the fit, by row, and a
+    white that is in no film of it; the first is what is expected.
     """
     expected = recovery.expectations
     best = recovery.unknowns
@@ -337,43 +337,37 @@ def _open(
     depth = recovery.depth(unknowns.films - best.films)[:, None]
     thickness_sd = np.mean(recovery.problem.film_scale[:, 0])
     thickness = plan.thickness + depth + thickness_sd * normal(films)
-    # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
     paint_share = plan.shares[:, 0]
-    weight = np.hypot(expected.weight_share, expected.weight_floor / paint_share) * (
-        paint_share < 1
-    )
-    amounts = np.stack([thickness + weight * normal(films), thickness], axis=-1)
-    return _Open(
-        coefficients=coefficients,
-        amounts=amounts[..., : plan.shares.shape[1]],
-        gloss=gloss @ plan.shares.T + expected.gloss * normal(films),
+    weight_sd = np.hypot(expected.weight_share, expected.weight_floor / paint_share)
+    weight = weight_sd * (paint_share < 1) * normal(films)
+    film_gloss = expected.gloss * normal(films)
+    return Unknowns(
+        bands=coefficients.reshape(count, bands.size, -1),
+        films=np.stack([thickness, film_gloss, weight], axis=-1),
+        paints=gloss,
+        others=np.zeros((count, 0)),
     )
 
 
 @jax.jit
-def _readings(
-    open_: _Open,
-    shares: Float[Array, "films paints"],
-    grounds: Float[Array, "2 bands"],
-    surface: float | Array,
-    response: Response,
+def _linear_readings(
+    draws: Unknowns, planned: JointProblem
 ) -> tuple[Float[Array, "films 2 bands"], Float[Array, "draws films 2 bands"]]:
-    """Expected readings of planned films, and how they move with each draw, to first order."""
+    """Readings of planned films by the first draw, and how they move with each other one, to first
+    order.
+    """
 
-    def read(draw: _Open) -> Float[Array, "films 2 bands"]:
-        amounts = shares * jnp.exp(draw.amounts)
-        kd, sd = jnp.einsum("bcp,fp->cfb", jnp.exp(draw.coefficients), amounts)
-        body = response.body(kd[:, None], sd[:, None], grounds)
-        return body + surface * jnp.exp(draw.gloss)[:, None, None]
+    def read(draw: Unknowns) -> Float[Array, "films 2 bands"]:
+        return jnp.moveaxis(readings(draw, planned), 0, -1)
 
-    centre = jax.tree.map(lambda values: values[0], open_)
-    off = jax.tree.map(lambda values: values[1:] - values[0], open_)
+    centre = jax.tree.map(lambda values: values[0], draws)
+    off = jax.tree.map(lambda values: values[1:] - values[0], draws)
     return read(centre), jax.vmap(lambda move: jax.jvp(read, (centre,), (move,))[1])(off)
 
 
 @jax.jit
 def _reflectances(
-    coefficients: Float[Array, "draws bands 2 paints"],
+    coefficients: Float[Array, "draws 2 paints bands"],
     mixed: Float[Array, "mixtures paints"],
     thickness: float | Array,
     response: Response,
@@ -383,7 +377,7 @@ def _reflectances(
     """
     # Far from the solution a paint is as good as black or clear.
     values = jnp.exp(jnp.clip(coefficients, -16.0, 16.0))
-    kd, sd = jnp.einsum("dbcp,mp->cdmb", values, mixed)
+    kd, sd = jnp.einsum("dcpb,mp->cdmb", values, mixed)
     thick = hiding_factor(kd, sd)
     opaque = response.body(kd * thick, sd * thick, 0.5)
     pure = slice(0, 1)
