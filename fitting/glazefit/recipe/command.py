@@ -357,7 +357,7 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     if not unknown:
         return ""
     from ..recover.predict.mixture import predict_mixture
-    from ..recover.predict_command import say_paint_errors
+    from ..recover.predict.prediction import say_paint_errors
 
     thickest = max(best.coats, key=lambda coat: coat.thickness)
     prediction = predict_mixture(

@@ -304,8 +304,8 @@ def recover(
     )
     recovery = Recovery.join(films, chunk_recoveries)
 
-    from .films.plots import plot_paint
-    from .films.report import fit_table, report_films
+    from .show.plots import plot_paint
+    from .show.report import fit_table, report_films
 
     for line in report_films(recovery, how.seconds, how.first):
         console.print(line)

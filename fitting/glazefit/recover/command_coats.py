@@ -51,8 +51,9 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
     import equinox as eqx
 
     from ..film.shared_bands import average
-    from .coats import report
     from .coats.coats import predict_next_coat, recover_coats
+    from .show.plots import plot_ladder
+    from .show.report import coat_table, next_coat_table, report_coats
 
     metres = results.thickness
     console = results.console
@@ -69,7 +70,7 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
                 for extra in (1.0, 2.0)
             ]
         seconds = time.perf_counter() - began
-    for line in report.report_coats(recovery, predictions, seconds):
+    for line in report_coats(recovery, predictions, seconds):
         console.print(line)
     console.print(f"In pigments.csv a coat is taken as {format_length(metres)}.")
     names = list(recovery.paints)
@@ -78,10 +79,7 @@ def recover_from_coats(films: "Films", fit_options: dict[str, Any], results: "De
             eqx.tree_at(lambda paint: paint.error_modes, fit.pigment(name, metres), None)
             for name, fit in recovery.paints.items()
         ],
-        {
-            "films.csv": (report.FILM_COLUMNS, report.coat_rows(recovery)),
-            "next_coats.csv": (report.NEXT_COLUMNS, report.next_coat_rows(predictions)),
-        },
+        {"films.csv": coat_table(recovery), "next_coats.csv": next_coat_table(predictions)},
         names,
-        lambda number, path: report.plot_ladder(recovery, predictions, names[number], path),
+        lambda number, path: plot_ladder(recovery, predictions, names[number], path),
     )

@@ -93,8 +93,8 @@ def recover_together(
         recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
         seconds = time.perf_counter() - began
 
-    from .joint.plots import plot_joint_paint
-    from .joint.report import film_table, report_joint
+    from .show.plots import plot_joint_paint, plot_left_out
+    from .show.report import film_table, left_out_table, report_joint, report_left_out
 
     for line in report_joint(recovery, seconds):
         console.print(line)
@@ -109,7 +109,6 @@ def recover_together(
             from glazejax.io import write_table
 
             from .predict.crossvalidation import cross_validate
-            from .predict.left_out import left_out_table, plot_left_out, report_left_out
 
             with progress.follow("leaving films out") as report:
                 left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)

@@ -5,7 +5,7 @@ reading of it adds.
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Unpack
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 import typer
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films
-    from .joint.result import JointRecovery
-    from .predict.prediction import Prediction
 
 _GEOMETRY = "d:8"
 _PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
@@ -106,10 +104,13 @@ def predict(
     seen_by = options.read_geometry(instrument, _GEOMETRY)
     recipe, shelf = read_mixture(mixture, options.read_shelf(pigments, catalogue))
 
+    from glazejax.io import write_table
+
     from ..film.films import Instrument, card_readings
     from .command_joint import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
+    from .show.report import prediction_table, report_predictions, report_reading
 
     console = progress.plain_console()
     # A reading calibrates the mixture, and says over which grounds and how thick its films are.
@@ -154,13 +155,16 @@ def predict(
             calibrated=calibrated,
         )
     if out is not None:
-        _write(predictions, out, overwrite)
+        write_table(out, *prediction_table(predictions), overwrite=overwrite)
+    eye = (illuminant, observer)
     if calibrated is not None:
         before = predict_mixture(
             shelf, recipe, thicknesses, wavelengths=grid, ground=ground, instrument=seen_with
         )
-        _say_reading(calibrated, predictions, before, (illuminant, observer), console)
-    _print(predictions, calibrated is None, (illuminant, observer), console)
+        for line in report_reading(calibrated, before, predictions, eye):
+            console.print(line)
+    for line in report_predictions(predictions, eye, anew=calibrated is None):
+        console.print(line)
     if calibrated is not None:
         from .predict.next_reading import rank_next_readings
 
@@ -277,118 +281,3 @@ def complete_grid(
         return None
     grid = paints[0].wavelengths
     return grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]
-
-
-def _say_reading(
-    calibrated: "JointRecovery",
-    after: "Sequence[Prediction]",
-    before: "Sequence[Prediction]",
-    eye: tuple[str, str],
-    console: "Console",
-) -> None:
-    import numpy as np
-
-    from glazejax.paint.describe import format_length
-
-    from .joint.joint import UNIT
-    from .predict.mixture import is_another
-
-    film = calibrated.films
-    fit = calibrated.delta_e(*eye)[0][film.seen[0]]
-    thick = (
-        "opaque"
-        if film.opaque[0]
-        else format_length(float(f"{calibrated.thickness[0] * UNIT:.3g}"))
-    )
-    first, then = (
-        np.mean([p.expected_error(*eye) for p in predictions]) for predictions in (before, after)
-    )
-    console.print(
-        f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale "
-        f"of these paints. Expected error of the films below: ΔE00 {first:.1f} without the "
-        f"reading, {then:.1f} with it."
-    )
-    if not calibrated.converged:
-        console.print(
-            "The fit of the reading did not settle; take what follows as rough.", style="yellow"
-        )
-    # Farther off, the mixture may be another one.
-    if fit.max() > 2.0:
-        console.print(
-            f"The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture as stated?",
-            style="yellow",
-        )
-    elif is_another(calibrated):
-        console.print(
-            "The reading is met, but by k and s that this mixture hardly has: is it as "
-            "stated? What follows holds only if it is.",
-            style="yellow",
-        )
-
-
-def _print(
-    predictions: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console"
-) -> None:
-    """A table of colours, and what they are expected to be off."""
-    import numpy as np
-
-    from glazejax import colour
-    from glazejax.plots import hex_colour
-    from glazejax.report import plain_table, swatch
-
-    mixture = "+".join(predictions[0].paints)
-    table = plain_table("film", "over", "", "L*", "a*", "b*", "expected ΔE00", words=(0, 1, 2))
-    for prediction in predictions:
-        off = prediction.expected_errors(*eye)
-        for card, spectrum in enumerate(prediction.reflectance):
-            lab = np.asarray(
-                colour.lab(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
-            )
-            rgb = colour.srgb(prediction.wavelengths, spectrum, illuminant=eye[0], observer=eye[1])
-            name = prediction.name if card == 0 else ""
-            table.add_row(
-                name,
-                ("black", "white")[card],
-                swatch(hex_colour(rgb)),
-                *(f"{v:.1f}" for v in lab),
-                f"{off[card]:.1f}",
-            )
-    console.print(table)
-    if anew:
-        next_one = np.mean([prediction.between_mixings(*eye) for prediction in predictions])
-        console.print(
-            f"Two mixings of {mixture} differ by about ΔE00 {next_one:.1f}. The paints are not "
-            f"known exactly either: that adds {say_paint_errors(predictions, eye)}."
-        )
-        console.print("A reading of one film of it narrows that: --reading FILE.", style="dim")
-
-
-def say_paint_errors(predictions: "Sequence[Prediction]", eye: tuple[str, str]) -> str:
-    """Say what errors of the paints' own k and s add to a colour, Delta E 2000."""
-    import numpy as np
-
-    scale, shape = (
-        np.mean([p.expected_error(*eye, parts=(source,)) for p in predictions])
-        for source in ("scale", "paint")
-    )
-    return f"{scale:.1f} by the level of their k and s, and {shape:.1f} by their shape"
-
-
-def _write(predictions: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
-    from glazejax.io import write_table
-
-    def rows() -> Any:
-        for prediction in predictions:
-            low, high = prediction.interval()
-            for card, over in enumerate(("black", "white")):
-                for band, wavelength in enumerate(prediction.wavelengths):
-                    values = (prediction.reflectance[card, band], low[card, band], high[card, band])
-                    yield (
-                        prediction.name,
-                        over,
-                        f"{wavelength:g}",
-                        *(f"{value:.6f}" for value in values),
-                    )
-
-    header = ("film", "over", "wavelength_nm", "reflectance", "lower_90", "upper_90")
-    write_table(path, header, rows(), overwrite=overwrite)

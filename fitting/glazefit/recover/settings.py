@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from glazejax import Pigment
     from glazejax.io.quantity import Stated
 
-    from .films.report import Table
+    from .show.report import Table
 
 
 class Destination(NamedTuple):

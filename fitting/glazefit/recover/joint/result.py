@@ -25,7 +25,7 @@ from .pose import MOST_ERROR, ModeNumbers
 from .problem import Expectations, FilmShares, JointProblem, Unknowns
 from .solver import JointCovariance
 
-RULE = (
+JOINT_RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
     "value, if the paint is in a mixture or thicknesses were measured: else its scale is as "
     "expected, not found"
@@ -147,7 +147,7 @@ class JointRecovery(FittedFilms):
 
     @property
     def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
-        """True where k and s of a paint are both known (`RULE`)."""
+        """True where k and s of a paint are both known (`JOINT_RULE`)."""
         mixed = self.shares[(self.shares > 0).sum(axis=1) > 1]
         scaled = (mixed > 0).any(axis=0) | self.gauged | np.isin(self.paints, self.known)
         return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0) & scaled[:, None]

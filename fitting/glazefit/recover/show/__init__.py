@@ -1,0 +1,1 @@
+"""What recoveries and predictions say: tables, sentences, pictures."""
