@@ -46,7 +46,7 @@ ENGINES = {
     "glazefit.recipe.command_after": "say_addition",
     "glazefit.recipe.task": "make_task",
     "glazefit.recover.films.film_by_film": "recover_chunks",
-    "glazefit.recover.joint.joint": "recover_jointly",
+    "glazefit.recover.fits": "recover_jointly",
     "glazefit.recover.predict.mixture": "predict_mixture calibrate_mixture",
 }
 USUAL = {

@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 from rich.console import Console
 
 from glazefit import Noise, recover_films, simulate_films
-from glazefit.recover.command_joint import _lengths
 from glazefit.recover.films.film_by_film import recover_chunks
-from glazefit.recover.settings import Destination, slug
+from glazefit.recover.fits import Destination, _lengths, slug
 from glazejax import Pigment, catalogue
 
 from .tables import read_rows, write_films

@@ -1,5 +1,6 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,8 +10,6 @@ import typer
 from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
-
-from .settings import Destination, PriorKnowledge
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -173,20 +172,12 @@ def recover(
 
     Try it without data: glazejax recover --simulate --out demo
     """
-    # Options that are for measured films.
-    measured = {
-        "--joint": joint,
-        "--masstones": masstones,
-        "--names": names,
-        "--into": into,
-        "--white": white,
-        "--wet-film": wet_film,
-        "--excluded": excluded,
-    }
-    _check(file, simulate, check, measured)
+    # What is known beside the films, and all options that are for measured films.
+    knowledge = {"--into": into, "--white": white, "--wet-film": wet_film, "--excluded": excluded}
+    measured = {"--joint": joint, "--masstones": masstones, "--names": names, **knowledge}
+    _check(file, simulate, check, joint, masstones, knowledge)
     shelf = _catalogue(catalogue, bool(white) or simulate)
     stated = options.stated(quantity, unit, scale)
-    knowledge = PriorKnowledge(into, white, wet_film, excluded, shelf, stated)
     metres = options.read_length(thickness)
     # The white may be a paint of --into, a file that need not be there yet.
     own_file = into if into is not None and into.is_file() else None
@@ -216,6 +207,7 @@ def recover(
         readable_names,
         tint,
     )
+    from .fits import Destination, are_coats, recover_from_coats, recover_together
 
     console = progress.plain_console()
     stated_noise = {
@@ -255,8 +247,6 @@ def recover(
                 f"{read_noise.floor:.2g} + {read_noise.share:.2g} R (--noise, --noise-share)"
             )
         fit_options["noise"] = read_noise
-        from .command_coats import are_coats, recover_from_coats
-
         if are_coats(films, measured):
             recover_from_coats(films, fit_options, results)
             return
@@ -276,21 +266,24 @@ def recover(
                 )
             films = films.select(pure)
         tints = any(map(tint, films.names))
-        if joint or knowledge.any or not films.complete or tints:
+        if joint or any(knowledge.values()) or not films.complete or tints:
             if joint and not recipes and not tints:
                 raise ValueError(
                     "--joint needs to know what the films are made of: add --names FILE, or "
                     f"{names_file}"
                 )
-            from .command_joint import recover_together
-
             recover_together(
                 films,
                 recipes,
-                fit_options=fit_options,
+                fit_options,
+                results,
                 check=check,
-                knowledge=knowledge,
-                results=results,
+                into=into,
+                white=white,
+                wet_film=wet_film,
+                excluded=excluded,
+                catalogue=shelf,
+                stated=stated,
             )
             return
         films = replace(films, names=readable_names(films.names, recipes))
@@ -326,7 +319,14 @@ def recover(
         progress.stop_interrupted(console, len(recovery), len(films), "films")
 
 
-def _check(file: Path | None, simulate: bool, check: bool, measured: dict[str, Any]) -> None:
+def _check(
+    file: Path | None,
+    simulate: bool,
+    check: bool,
+    joint: bool,
+    masstones: bool,
+    knowledge: Mapping[str, object],
+) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if file is None and not simulate:
@@ -334,14 +334,13 @@ def _check(file: Path | None, simulate: bool, check: bool, measured: dict[str, A
             "no FILE was given; name a table of spectra, or try: glazejax recover --simulate "
             "--out demo"
         )
-    joint = measured["--joint"]
-    for option, value in (("--simulate", simulate), ("--masstones", measured["--masstones"])):
+    for option, value in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and value:
             raise ValueError(
                 f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
             )
-    for option in ("--into", "--white", "--wet-film", "--excluded"):
-        if simulate and measured[option]:
+    for option, value in knowledge.items():
+        if simulate and value:
             raise ValueError(
                 f"{option} is for measured films; leave it out, or leave out --simulate"
             )

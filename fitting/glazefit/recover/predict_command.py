@@ -107,7 +107,7 @@ def predict(
     from glazejax.io import write_table
 
     from ..film.films import Instrument, card_readings
-    from .command_joint import read_gauge
+    from .fits import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
     from .show.report import prediction_table, report_predictions, report_reading

@@ -1,38 +1,120 @@
-"""`glazejax recover` where films are fitted together: their recipes, what is known, and the files
-that come of it.
+"""Fits of `glazejax recover` that take films together, by their recipes or as coats of a brush:
+what is said of them, and the files that come of them.
 """
 
 import itertools
 import re
 import time
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
+import equinox as eqx
+import numpy as np
+from rich.console import Console
+
+from glazejax import Pigment
+from glazejax.catalogue import load
 from glazejax.commands import options, progress
+from glazejax.io import write_table
+from glazejax.io.quantity import Stated
 from glazejax.paint.describe import format_length
+from glazejax.paint.pigment_table import write_pigments
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from glazejax import Pigment
-
-    from ..film.films import Films
-    from .joint.entries import PaintFile
-    from .joint.pose import Gauge
-    from .joint.result import JointRecovery
-    from .settings import Destination, PriorKnowledge
+from ..film.films import Films
+from ..film.gloss import measure_gloss
+from ..film.readers import read_loose_films, recipes_from_names
+from ..film.shared_bands import average, crop
+from .coats.coats import coat_of, predict_next_coat, recover_coats
+from .joint.entries import PaintFile, add_paints
+from .joint.joint import recover_jointly
+from .joint.pose import Gauge
+from .joint.problem import Expectations
+from .joint.result import JointRecovery
+from .predict.crossvalidation import cross_validate
+from .predict.next_reading import rank_next_films
+from .show.plots import plot_joint_paint, plot_ladder, plot_left_out
+from .show.report import (
+    Table,
+    coat_table,
+    film_table,
+    left_out_table,
+    next_coat_table,
+    report_coats,
+    report_joint,
+    report_left_out,
+)
 
 Recipes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Weight of each paint in each sample."""
 
 
+class Destination(NamedTuple):
+    """Destination of results: the folder, the films' thickness in m, whether pictures are drawn,
+    and the screen.
+    """
+
+    out: Path | None
+    thickness: float
+    plots: bool
+    overwrite: bool
+    console: Console
+
+    def write(
+        self,
+        pigments: Iterable[Pigment],
+        tables: Mapping[str, Table],
+        names: Sequence[str],
+        draw: Callable[[int, Path], object],
+    ) -> None:
+        """Write paints, tables and pictures into the folder, which need not exist, and say so.
+
+        Args:
+            pigments: that go into `pigments.csv`.
+            tables: by the names of their files.
+            names: of what the pictures show; files differ also where the file system takes capitals
+                for small letters.
+            draw: draws one of them, by number, to a path.
+        """
+        out = self.out
+        assert out is not None
+        out.mkdir(parents=True, exist_ok=True)
+        write_pigments(out / "pigments.csv", pigments, digits=6, overwrite=self.overwrite)
+        for file, table in tables.items():
+            write_table(out / file, *table, overwrite=self.overwrite)
+        written = ["pigments.csv", *tables]
+        if self.plots:
+            stems: set[str] = set()
+            with progress.follow("drawing", len(names)) as note:
+                for number, name in enumerate(names):
+                    stem = slug(name)
+                    while stem.lower() in stems:
+                        stem += "_"
+                    stems.add(stem.lower())
+                    draw(number, out / f"{stem}.png")
+                    note(number + 1, len(names), "drawing")
+            written.append(f"{len(names)} pictures")
+        self.console.print(f"Wrote {', '.join(written[:-1])} and {written[-1]} to {out}")
+
+
+def slug(name: str) -> str:
+    """A name that any file system takes."""
+    return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("_.") or "paint"
+
+
 def recover_together(
-    films: "Films",
+    films: Films,
     listed: Recipes,
     fit_options: dict[str, Any],
+    results: Destination,
+    *,
     check: bool,
-    knowledge: "PriorKnowledge",
-    results: "Destination",
+    into: Path | None,
+    white: str,
+    wet_film: str,
+    excluded: Path | None,
+    catalogue: str,
+    stated: Stated,
 ) -> None:
     """Fit films together, and write and say what was found.
 
@@ -40,17 +122,15 @@ def recover_together(
         films: as read.
         listed: recipes of a list; other films are what their names say.
         fit_options: instrument and noise.
-        check: whether films are left out in turn.
-        knowledge: own paints, white and thicknesses.
         results: where they go.
+        check: whether films are left out in turn.
+        into: file of own paints.
+        white: of the tints, by name.
+        wet_film: thicknesses.
+        excluded: the same films read without the specular part.
+        catalogue: that the white is searched in.
+        stated: what files hold.
     """
-    from ..film.gloss import measure_gloss
-    from ..film.readers import read_loose_films, recipes_from_names
-    from ..film.shared_bands import average, crop
-    from .joint.entries import PaintFile, add_paints
-    from .joint.joint import recover_jointly
-    from .joint.problem import Expectations
-
     out, metres, plots, overwrite, console = results
     recipes = recipes_from_names(films.names, listed)
     for short, long in _one_paint_twice(recipes):
@@ -58,9 +138,9 @@ def recover_together(
             f"{short} and {long} are fitted as two paints: if they are one, call it by one name.",
             style="yellow",
         )
-    file = None if knowledge.into is None else PaintFile.open(knowledge.into, "--into")
-    references = known_paints(recipes, file, knowledge.white, overwrite, knowledge.catalogue)
-    gauge = read_gauge(knowledge.wet_film, films.names)
+    file = None if into is None else PaintFile.open(into, "--into")
+    references = known_paints(recipes, file, white, overwrite, catalogue)
+    gauge = read_gauge(wet_film, films.names)
     fitted = average(films)
     for paint in references.values():
         grid = paint.wavelengths
@@ -68,20 +148,20 @@ def recover_together(
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     unit = gauge.typical if gauge is not None and not references else metres
     fit_options = fit_options | {"unit": unit, "pigments": references, "gauge": gauge}
-    if knowledge.wet_film == "same":
+    if wet_film == "same":
         # Films that one bar drew are as thick to a tenth.
         fit_options["expectations"] = Expectations(thickness=0.1)
-    if knowledge.excluded is not None:
+    if excluded is not None:
         # Of the films that were read without the specular part too.
         grid = fitted.wavelengths
-        excluded = crop(
-            average(read_loose_films(knowledge.excluded, specular=False, **knowledge.stated)),
+        diffuse = crop(
+            average(read_loose_films(excluded, specular=False, **stated)),
             grid[0],
             grid[-1],
             "as the films with the specular part",
         )
-        progress.print_notes(console, knowledge.excluded, excluded.notes)
-        gloss = measure_gloss(fitted, excluded, fit_options["instrument"])
+        progress.print_notes(console, excluded, diffuse.notes)
+        gloss = measure_gloss(fitted, diffuse, fit_options["instrument"])
         values = sorted(gloss.values())
         console.print(
             f"Gloss, from readings with and without the specular part of {len(gloss)} of "
@@ -92,10 +172,6 @@ def recover_together(
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, progress=report, **fit_options)
         seconds = time.perf_counter() - began
-
-    from .show.plots import plot_joint_paint, plot_left_out
-    from .show.report import film_table, left_out_table, report_joint, report_left_out
-
     for line in report_joint(recovery, seconds):
         console.print(line)
     if out is not None:
@@ -106,10 +182,6 @@ def recover_together(
             lambda row, path: plot_joint_paint(recovery, row, path),
         )
         if check:
-            from glazejax.io import write_table
-
-            from .predict.crossvalidation import cross_validate
-
             with progress.follow("leaving films out") as report:
                 left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)
             for line in report_left_out(left_out):
@@ -128,8 +200,8 @@ def recover_together(
             f"Added {', '.join(new)} to {file.path}{remark}, with {len(file.paints)} paints there "
             "before."
         )
-    if not listed or knowledge.any:
-        _print_next_films(recovery, knowledge.catalogue, console)
+    if not listed or into or white or wet_film or excluded:
+        _print_next_films(recovery, catalogue, console)
 
 
 def _one_paint_twice(recipes: Recipes) -> list[tuple[str, str]]:
@@ -146,11 +218,11 @@ def _one_paint_twice(recipes: Recipes) -> list[tuple[str, str]]:
 
 def known_paints(
     recipes: Recipes,
-    file: "PaintFile | None",
+    file: PaintFile | None,
     white: str,
     overwrite: bool,
     catalogue: str,
-) -> "dict[str, Pigment]":
+) -> dict[str, Pigment]:
     """Paints of the recipes that are known: those of the file, and the white, which is one of the
     file or of a catalogue.
 
@@ -163,23 +235,17 @@ def known_paints(
     )
     in_file = file.paints if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    references = {p: in_file[p] for p in paints if p in in_file}
-    chosen = ""
+    references = {p: in_file[p] for p in paints if p in in_file and not (overwrite and p in pure)}
     if white:
-        from glazejax.catalogue import load
-
         (paint,) = options.find_paints([white], {**load(catalogue), **in_file}).values()
         # The name that it has in films.
         paint = paint.renamed(paint.name.rpartition(":")[2])
-        chosen = paint.name
-        if chosen not in paints:
+        if paint.name not in paints:
             raise ValueError(
-                f"--white {white}: no film holds {chosen}; the films are of {', '.join(paints)}"
+                f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
-        references[chosen] = paint
-    if overwrite:
-        references = {p: paint for p, paint in references.items() if p not in pure or p == chosen}
-    if paints and len(references) == len(paints):
+        references[paint.name] = paint
+    if len(references) == len(paints):
         where = "known" if file is None else f"in {file.path}"
         raise ValueError(
             f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits "
@@ -191,7 +257,7 @@ def known_paints(
 _SPREAD = re.compile(r"(?P<length>[^±+]*?)\s*(?:±|\+/?-)\s*(?P<share>\d+(?:\.\d+)?)\s*%")
 
 
-def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "Gauge | None":
+def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> Gauge | None:
     """Thicknesses of an option such as ``--wet-film``; None if it is empty, or says that one bar
     drew all films.
 
@@ -200,8 +266,6 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
     """
     if text in ("", "same"):
         return None
-    from .joint.pose import Gauge
-
     lengths: dict[str, float] = {}
     errors: list[float] = []
     for entry in options.split_names(text):
@@ -217,10 +281,10 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> "
 
 
 def _say_scale(
-    recovery: "JointRecovery",
-    references: "Mapping[str, Pigment]",
-    gauge: "Gauge | None",
-    console: "Console",
+    recovery: JointRecovery,
+    references: Mapping[str, Pigment],
+    gauge: Gauge | None,
+    console: Console,
 ) -> None:
     unit = recovery.unit
     if references:
@@ -251,12 +315,8 @@ def _lengths(metres: Any) -> str:
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
 
 
-def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Console") -> None:
+def _print_next_films(recovery: JointRecovery, catalogue: str, console: Console) -> None:
     """Say of the first few new paints what would teach most."""
-    from glazejax.catalogue import load
-
-    from .predict.next_reading import rank_next_films
-
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     shelf = load(catalogue)
     # What tints would be made with, where no white is named.
@@ -272,3 +332,66 @@ def _print_next_films(recovery: "JointRecovery", catalogue: str, console: "Conso
             f"ΔE00 {ranking.now:.1f}. Most useful next film: {best.film} "
             f"(then {best.expected:.1f}; {runners_up})."
         )
+
+
+def are_coats(films: Films, refused: Mapping[str, object]) -> bool:
+    """True if the films of a table are coats, by their names.
+
+    Args:
+        films: as read.
+        refused: option -> what was given, of options that are not for coats.
+
+    Raises:
+        ValueError: some are and some are not, or an option was given that is not for coats.
+    """
+    named = [name for name in films.names if coat_of(name)]
+    if not named:
+        return False
+    other_film = next((name for name in films.names if not coat_of(name)), None)
+    if other_film is not None:
+        raise ValueError(
+            f"{named[0]!r} is a film of coats and {other_film!r} is not: put coats into a table of "
+            "their own, each film called 'PAINT 1 coat', 'PAINT 2 coats', ..."
+        )
+    for option, value in refused.items():
+        if value:
+            raise ValueError(f"{option} is not for coats, such as {named[0]!r}; leave it out")
+    return True
+
+
+def recover_from_coats(films: Films, fit_options: dict[str, Any], results: Destination) -> None:
+    """Recover paints from their coats, and predict the next ones.
+
+    Args:
+        films: as read.
+        fit_options: instrument and noise.
+        results: where they go.
+    """
+    metres = results.thickness
+    console = results.console
+    fitted = average(films)
+    progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
+    with progress.follow("compiling, then fitting the coats of each paint") as note:
+        began = time.perf_counter()
+        recovery = recover_coats(fitted, progress=note, **fit_options)
+        predictions = []
+        for paint in recovery.paints:
+            last = recovery.thickest(paint)
+            predictions += [
+                predict_next_coat(recovery, paint, np.floor(last.coats) + extra, last.ground)
+                for extra in (1.0, 2.0)
+            ]
+        seconds = time.perf_counter() - began
+    for line in report_coats(recovery, predictions, seconds):
+        console.print(line)
+    console.print(f"In pigments.csv a coat is taken as {format_length(metres)}.")
+    names = list(recovery.paints)
+    results.write(
+        [
+            eqx.tree_at(lambda paint: paint.error_modes, fit.pigment(name, metres), None)
+            for name, fit in recovery.paints.items()
+        ],
+        {"films.csv": coat_table(recovery), "next_coats.csv": next_coat_table(predictions)},
+        names,
+        lambda number, path: plot_ladder(recovery, predictions, names[number], path),
+    )
