@@ -116,8 +116,8 @@ def small(request):
     assert np.any(problem.steepness)
     point = Unknowns(
         jnp.asarray(rng.normal(-0.5, 0.7, (GRID.size, 6))),
-        jnp.asarray(rng.normal(0, 0.1, problem.film_scale.shape)),
-        jnp.asarray(rng.normal(0, 0.1, problem.paint_scale.shape)),
+        jnp.asarray(rng.normal(0, 0.1, problem.scale.films.shape)),
+        jnp.asarray(rng.normal(0, 0.1, problem.scale.paints.shape)),
         jnp.asarray(rng.normal(0, 0.5, len(problem.thickness_modes))),
     )
     return problem, point
@@ -219,9 +219,9 @@ def test_what_is_known_is_added_and_taken_away(small):
 def test_a_prior_counts_in_its_own_units(small):
     problem, point = small
     at_scale = point._replace(
-        films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale
+        films=problem.scale.films, paints=problem.mean.paints + problem.scale.paints
     )
-    off = residuals(at_scale, problem)
+    off = residuals(at_scale, problem).prior
     assert_allclose(off.films[:, :2], 1.0)
     assert_allclose(off.paints, 1.0)
     freedom = float(problem.tail)

@@ -280,7 +280,7 @@ def test_a_gauge_sets_the_scale():
 
     by_gauge = posed(gauge=gauge, unit=100e-6)
     assert_allclose(by_gauge.film_mean, np.log([1.3, 0.8]))
-    assert_allclose(by_gauge.film_scale[:, 0], 0.1)
+    assert_allclose(by_gauge.scale.films[:, 0], 0.1)
     # On the scale of a known paint thicknesses are open by a common factor; on their own they have
     # none.
     assert_array_equal(posed(KNOWN).thickness_modes[-1], 1.0)

@@ -108,10 +108,10 @@ def recover_jointly(
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and
         # spectra should.
-        stiff_films = np.where(np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0)
+        scale = problem.scale
+        stiff_films = np.where(np.arange(scale.films.shape[1]) > 0, 0.03, 1.0)
         stiff = problem._replace(
-            film_scale=problem.film_scale * stiff_films,
-            paint_scale=0.03 * problem.paint_scale,
+            scale=scale._replace(films=scale.films * stiff_films, paints=0.03 * scale.paints),
             tail=np.array(1e6),
         )
         # Logarithms of coefficients start far off; undamped first steps would throw some to where
@@ -119,12 +119,7 @@ def recover_jointly(
         first, _ = solve_jointly(
             problem=stiff,
             # Equal grey paints, and films as expected.
-            start=Unknowns(
-                bands=problem.level,
-                films=np.zeros(problem.film_scale.shape),
-                paints=problem.paint_mean,
-                others=np.zeros(len(problem.thickness_modes)),
-            ),
+            start=problem.mean,
             first_step=1e-4,
             max_steps=max_steps,
             note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
@@ -148,7 +143,7 @@ def recover_jointly(
         shares=shares,
         law=law,
         unknowns=unknowns,
-        log_covariance=covariance.of_bands(len(problem.level)),
+        log_covariance=covariance.of_bands(len(problem.reading)),
         # Kept for the errors of what the recovery predicts.
         draws=covariance.draw(unknowns, 128),
         fitted_black=fitted[:, 0],

@@ -22,7 +22,7 @@ from ...film.gloss import GLOSS_SD, estimate_gloss
 from ...film.model.errors import ModelError, relative_errors, smooth_modes
 from ...film.model.response import Response, film_response
 from ..films.result import PerFilm
-from .problem import Expectations, FilmShares, JointProblem, model_deviation
+from .problem import Expectations, FilmShares, JointProblem, Unknowns, model_deviation
 
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s that error modes state: errors are propagated by
@@ -148,11 +148,12 @@ def pose(
     )
     log_gloss = np.log([gloss.get(name, np.nan) for name in films.names])
     gloss_sd = np.where(np.isnan(log_gloss), expected.gloss, GLOSS_SD)
-    # Of log k of all paints, then of log s.
-    level = np.tile(np.repeat([expected.level_k[0], expected.level_s[0]], count), (grid.size, 1))
+    film_scale = np.column_stack([thickness_sd, gloss_sd, errors])
+    # Of log k of all paints, then of log s, at each band.
+    logs = np.array([expected.level_k, expected.level_s], dtype=float).repeat(count, axis=0)
+    level, level_sd = np.tile(logs.T[:, None], (grid.size, 1))
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
-    pull = np.repeat([1.0 / expected.level_k[1], 1.0 / expected.level_s[1]], count)
-    pull = pull / np.sqrt(grid.size)
+    level_sd *= np.sqrt(grid.size)
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], count)
     black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
     step = expected.slope_s * np.sqrt(np.diff(grid) / 10.0)
@@ -162,7 +163,7 @@ def pose(
     for column, paint in known.items():
         optical = unit * np.column_stack([paint.absorption, paint.scattering])
         level[:, column::count] = np.log(np.maximum(optical, 1e-7))
-        pull[column::count] = 100.0
+        level_sd[:, column::count] = 0.01
         stiffness[column::count] = 0.0
         steepness[:, column::count] = 0.0
     # The gloss that the films in which a paint is the largest part demand.
@@ -181,12 +182,19 @@ def pose(
         curvature=curvature_matrix(grid),
         stiffness=stiffness,
         steepness=steepness,
-        level=level,
-        pull=pull,
+        mean=Unknowns(
+            bands=level,
+            films=np.zeros_like(film_scale),
+            paints=paint_mean,
+            others=np.zeros(count_of_others),
+        ),
+        scale=Unknowns(
+            bands=level_sd,
+            films=film_scale,
+            paints=np.full(count, expected.paint_gloss),
+            others=np.ones(count_of_others),
+        ),
         film_mean=film_mean,
-        film_scale=np.column_stack([thickness_sd, gloss_sd, errors]),
-        paint_mean=paint_mean,
-        paint_scale=np.full(count, expected.paint_gloss),
         tail=np.array(expected.tail),
         opaque=films.opaque,
         gloss=log_gloss,

@@ -118,11 +118,8 @@ class JointProblem(NamedTuple):
     steepness: Float[
         Any, "steps local"
     ]  # one over the expected step from band to band, 0 where any will do
-    level: Float[Any, "bands local"]  # mean expected of log k and log s
-    pull: Float[Any, "local"]  # one over their standard deviation
-    film_scale: Float[Any, "films 2+parts"]  # standard deviations expected
-    paint_mean: Float[Any, "paints"]
-    paint_scale: Float[Any, "paints"]
+    mean: Unknowns  # of the prior
+    scale: Unknowns  # standard deviations of the prior
     tail: Float[Any, ""]  # degrees of freedom of Student's t of weights' errors
     opaque: Bool[Any, "films"]  # whether a film hides whatever is below
     film_mean: Float[Any, "films"]  # log thickness expected
@@ -139,10 +136,7 @@ class JointResiduals(NamedTuple):
     data: Float[Array, "bands films 2"]
     curvature: Float[Array, "inner local"]
     steps: Float[Array, "steps local"]
-    pull: Float[Array, "bands local"]
-    films: Float[Array, "films 2+parts"]
-    paints: Float[Array, "paints"]
-    others: Float[Array, "others"]
+    prior: Unknowns
 
 
 def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unknowns:
@@ -201,15 +195,15 @@ def readings_of_draws(
 
 def residuals(unknowns: Unknowns, problem: JointProblem) -> JointResiduals:
     """JointResiduals of the whole problem, from deviations."""
-    expected = unknowns.films / problem.film_scale
+    prior = jax.tree.map(
+        lambda value, mean, scale: (value - mean) / scale, unknowns, problem.mean, problem.scale
+    )
+    weights = heavy_tail(prior.films[:, 2:], problem.tail)
     return JointResiduals(
         data=(readings(totals(unknowns, problem), problem) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
-        pull=(unknowns.bands - problem.level) * problem.pull,
-        films=jnp.hstack([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)]),
-        paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
-        others=unknowns.others,
+        prior=prior._replace(films=jnp.hstack([prior.films[:, :2], weights])),
     )
 
 

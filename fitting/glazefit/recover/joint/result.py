@@ -165,7 +165,7 @@ class JointRecovery(FittedFilms):
         films, per_film = self.unknowns.films.shape
         shown = np.diagonal(self.whole_covariance.of_shared)[: films * per_film : per_film]
         # What was expected of each film; without a gauge all may share a factor besides.
-        prior = self.problem.film_scale[:, 0] ** 2
+        prior = self.problem.scale.films[:, 0] ** 2
         if not self.gauged:
             prior = prior + np.sum(np.square(self.problem.thickness_modes), axis=0)
         varied = self.shares**2 @ [paint in self.known_paints for paint in self.paints]

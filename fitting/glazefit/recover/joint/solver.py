@@ -57,7 +57,7 @@ def look(problem: JointProblem, point: Unknowns) -> Surroundings:
     """Cost, its gradient, and the normal matrix at a point."""
     values, along = jax.linearize(lambda y: residuals(y, problem), point)
     (gradient,) = jax.linear_transpose(along, point)(values)
-    cost = 0.5 * sum(jnp.sum(block**2) for block in values)
+    cost = 0.5 * sum(jnp.sum(block**2) for block in jax.tree.leaves(values))
     return Surroundings(
         jnp.asarray(cost), ravel_pytree(gradient)[0], normal_matrix(along, point, problem)
     )
@@ -114,7 +114,7 @@ def normal_matrix(
         lambda step: along(zero._replace(paints=step[:paints], others=step[paints:])).data
     )(jnp.eye(paints + zero.others.size))
     # In a prior each unknown has a row of its own.
-    prior = along(jax.tree.map(jnp.ones_like, point))
+    prior = along(jax.tree.map(jnp.ones_like, point)).prior
     inner = jnp.einsum("ibfc,jbfc->bij", by_band, by_band)
     to_films = jnp.einsum("ibfc,ebfc->bife", by_band, by_film)
     to_rest = jnp.einsum("ibfc,pbfc->bip", by_band, by_rest)
@@ -122,7 +122,7 @@ def normal_matrix(
     between = jnp.einsum("ebfc,pbfc->fep", by_film, by_rest).reshape(films * per_film, -1)
     rest = jnp.einsum("pbfc,qbfc->pq", by_rest, by_rest)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*film_blocks), between], [between.T, rest]])
-    shared_prior, _ = ravel_pytree((prior.films, prior.paints, prior.others))
+    shared_prior, _ = ravel_pytree(prior[1:])
     # Of curvature, whose rows reach over three bands, and of steps. What would tie the last bands
     # to further ones is not read.
     curved = [
@@ -132,7 +132,7 @@ def normal_matrix(
     after = jnp.pad(problem.steepness**2, ((0, 1), (0, 0)))
     steps = [after + jnp.roll(after, 1, axis=0), -after, jnp.zeros_like(after)]
     return Normal(
-        inner=inner + prior.pull[..., None] ** 2 * jnp.eye(local),
+        inner=inner + prior.bands[..., None] ** 2 * jnp.eye(local),
         ties=jnp.stack(curved)[..., None] * problem.stiffness**2 + jnp.stack(steps),
         border=jnp.concatenate(
             [to_films.reshape(bands, local, films * per_film), to_rest], axis=-1
@@ -212,7 +212,7 @@ class JointCovariance(NamedTuple):
     def of(cls, problem: JointProblem, factors: Factors) -> "JointCovariance":
         """At the solution of a problem."""
         count, shared = factors.border.shape
-        films, per_film = problem.film_scale.shape
+        films, per_film = problem.scale.films.shape
         thickness = problem.thickness_modes
         modes = np.zeros((shared, count + shared))
         first = shared - len(thickness)

@@ -335,7 +335,7 @@ def _draw_plan(
         gloss = np.hstack([gloss, expected.paint_gloss * normal(1)])
     # Stronger paints go with thinner films: their product is known better than either.
     depth = recovery.depth(unknowns.films - best.films)[:, None]
-    thickness_sd = np.mean(recovery.problem.film_scale[:, 0])
+    thickness_sd = np.mean(recovery.problem.scale.films[:, 0])
     thickness = plan.thickness + depth + thickness_sd * normal(films)
     paint_share = plan.shares[:, 0]
     weight_sd = np.hypot(expected.weight_share, expected.weight_floor / paint_share)
