@@ -51,20 +51,21 @@ def say_addition(
     from glazejax.report import plain_table
 
     from ..recover.predict.mixture import calibrate_mixture
-    from ..recover.predict_command import complete_grid, read_film, read_mixture
+    from ..recover.predict_command import read_film, read_mixture
     from .addition import next_addition
     from .report import in_painters_terms
 
     recipe, mixture_paints = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
-    film = read_film(reading, samples, mixture_paints, recipe, console, **stated)
+    mixed_paints = [mixture_paints[name] for name in recipe]
+    film, wavelengths = read_film(reading, samples, mixed_paints, console, **stated)
     with progress.follow("compiling, then fitting the reading") as report:
         calibrated = calibrate_mixture(
             mixture_paints,
             recipe,
             film,
             instrument=instrument,
-            wavelengths=complete_grid(film, [mixture_paints[name] for name in recipe]),
+            wavelengths=wavelengths,
             progress=report,
         )
         addition = next_addition(

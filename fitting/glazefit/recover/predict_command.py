@@ -3,7 +3,8 @@ reading of it adds.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
@@ -119,9 +120,9 @@ def predict(
     grid = None
     ground = None
     if reading is not None:
-        film = read_film(
-            reading, samples, shelf, recipe, console, **options.stated(quantity, unit, scale)
-        )
+        stated = options.stated(quantity, unit, scale)
+        paints = [shelf[paint] for paint in recipe]
+        film, whole_grid = read_film(reading, samples, paints, console, **stated)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.follow("compiling, then fitting the reading") as report:
             calibrated = calibrate_mixture(
@@ -130,7 +131,7 @@ def predict(
                 film,
                 instrument=seen_with,
                 gauge=gauge,
-                wavelengths=complete_grid(film, [shelf[paint] for paint in recipe]),
+                wavelengths=whole_grid,
                 progress=report,
             )
         grid = calibrated.wavelengths
@@ -144,24 +145,22 @@ def predict(
         )
     thicknesses = thicknesses or [options.read_length("25um")]
     # The films that are asked for, by that mixing or by any.
+    predict_thicknesses = partial(
+        predict_mixture,
+        shelf,
+        recipe,
+        thicknesses,
+        wavelengths=grid,
+        ground=ground,
+        instrument=seen_with,
+    )
     with progress.follow("compiling, then predicting"):
-        predictions = predict_mixture(
-            shelf,
-            recipe,
-            thicknesses,
-            wavelengths=grid,
-            ground=ground,
-            instrument=seen_with,
-            calibrated=calibrated,
-        )
+        predictions = predict_thicknesses(calibrated=calibrated)
     if out is not None:
         write_table(out, *prediction_table(predictions), overwrite=overwrite)
     eye = (illuminant, observer)
     if calibrated is not None:
-        before = predict_mixture(
-            shelf, recipe, thicknesses, wavelengths=grid, ground=ground, instrument=seen_with
-        )
-        for line in report_reading(calibrated, before, predictions, eye):
+        for line in report_reading(calibrated, predict_thicknesses(), predictions, eye):
             console.print(line)
     for line in report_predictions(predictions, eye, anew=calibrated is None):
         console.print(line)
@@ -238,12 +237,17 @@ def read_mixture(
 def read_film(
     path: Path,
     samples: str,
-    shelf: "Mapping[str, Pigment]",
-    recipe: Mapping[str, float],
+    paints: "Sequence[Pigment]",
     console: "Console",
     **stated: Unpack["Stated"],
-) -> "Films":
-    """The one film that was read, on a grid that all paints of the recipe cover."""
+) -> "tuple[Films, Float[np.ndarray, 'bands'] | None]":
+    """The one film that was read, on a grid that all these paints cover, and wavelengths (nm) that
+    a reading of few bands is completed at; None where it has enough for a colour.
+    """
+    import numpy as np
+
+    from glazejax.spectra import common_range, lie_between
+
     from ..film.readers import read_loose_films
     from ..film.shared_bands import average, crop
 
@@ -256,28 +260,15 @@ def read_film(
             f"--samples, from {', '.join(films.names[:8])}{' ...' if len(films) > 8 else ''}"
         )
     films = average(films)
-    for name in recipe:
-        grid = shelf[name].wavelengths
-        films = crop(films, grid[0], grid[-1], f"{name} is known there only")
+    for paint in paints:
+        grid = paint.wavelengths
+        films = crop(films, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, path, films.notes)
-    return films
-
-
-def complete_grid(
-    film: "Films", paints: "Sequence[Pigment]"
-) -> "Float[np.ndarray, 'bands'] | None":
-    """Wavelengths (nm) that a reading of few bands is completed at, where all these paints are
-    known; None where it has enough for a colour.
-    """
-    import numpy as np
-
-    from glazejax.spectra import common_range, lie_between
-
-    bands = film.wavelengths
+    bands = films.wavelengths
     # Bands farther apart give no colour by themselves, nor do those that leave out part of 420 to
     # 680 nm.
     near = bands.size > 1 and np.diff(bands).max() <= 20.0
     if near and bands[0] <= 420.0 and bands[-1] >= 680.0:
-        return None
+        return films, None
     grid = paints[0].wavelengths
-    return grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]
+    return films, grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]

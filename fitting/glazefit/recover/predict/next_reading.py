@@ -148,10 +148,9 @@ def rank_next_readings(
     def looks(draws: np.ndarray) -> np.ndarray:
         return np.concatenate([bodies(metres, draws) for metres in thickness], axis=1)
 
-    def candidate(
-        name: str, cards: list[int], times: float = 1.0, *, another: bool
-    ) -> CandidateReading:
-        varied = off + thickness_errors[:, None, None] if another else off
+    def candidate(name: str, cards: list[int], times: float) -> CandidateReading:
+        # Only the film that was read is as thick as it was found.
+        varied = off if times == 1.0 else off + thickness_errors[:, None, None]
         readings = bodies(times * float(calibrated.thickness[0]) * UNIT, varied)
         readings = readings[:, cards][:, :, bands].reshape(len(off), -1)
         mean = readings.mean(axis=0)
@@ -162,14 +161,14 @@ def rank_next_readings(
     # many times the film is as thick as that which was read.
     films = calibrated.films
     candidates = [
-        candidate(f"the same film over {card}", [number], another=False)
+        candidate(f"the same film over {card}", [number], 1.0)
         for number, card in enumerate(("black", "white"))
         if not films.opaque[0] and not films.seen[0, number]
     ]
     if not films.opaque[0]:
-        candidates.append(candidate("an opaque film", [0], 200.0, another=True))
+        candidates.append(candidate("an opaque film", [0], 200.0))
     candidates += [
-        candidate(f"a film {label} as thick over black and white", [0, 1], times, another=True)
+        candidate(f"a film {label} as thick over black and white", [0, 1], times)
         for times, label in ((0.5, "half"), (2.0, "twice"))
     ]
     return rank_candidates(candidates, off, looks, grid)

@@ -185,9 +185,8 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
             axis.set_axis_off()
         for i, (axis, prediction) in enumerate(zip(axes.flat, out.predictions, strict=False)):
             low, high = prediction.interval()
-            for card, (spectrum, colour) in enumerate(
-                ((prediction.over_black, OVER_BLACK), (prediction.over_white, OVER_WHITE))
-            ):
+            for card, colour in enumerate((OVER_BLACK, OVER_WHITE)):
+                spectrum = prediction.reflectance[card]
                 axis.fill_between(
                     prediction.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0
                 )
