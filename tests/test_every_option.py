@@ -45,8 +45,7 @@ ENGINES = {
     "glazefit.posterior.posterior": "posterior_of_film posterior_of_bands posterior_of_coats",
     "glazefit.recipe.command_after": "say_addition",
     "glazefit.recipe.task": "make_task",
-    "glazefit.recover.films.film_by_film": "recover_chunks",
-    "glazefit.recover.fits": "recover_jointly",
+    "glazefit.recover.fits": "recover_chunks recover_jointly",
     "glazefit.recover.predict.mixture": "predict_mixture calibrate_mixture",
 }
 USUAL = {

@@ -89,7 +89,7 @@ def test_interrupt_keeps_what_is_finished(run, tmp_path, file, monkeypatch):
         yield next(recover_chunks(films.take([0]), instrument=instrument, noise=noise))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("glazefit.recover.films.film_by_film.recover_chunks", interrupted)
+    monkeypatch.setattr("glazefit.recover.fits.recover_chunks", interrupted)
     out, _ = run(file, "--out", "res", "--no-plots", fails=130)
     assert "1 of 2 films" in out
     assert "01A" in (tmp_path / "res" / "pigments.csv").read_text()

@@ -3,18 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from glazejax.commands import options, progress
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from .films.result import Recovery
 
 _GEOMETRY = "d:8"
 
@@ -207,7 +202,7 @@ def recover(
         readable_names,
         tint,
     )
-    from .fits import Destination, are_coats, recover_from_coats, recover_together
+    from .fits import Destination, are_coats, recover_each, recover_from_coats, recover_together
 
     console = progress.plain_console()
     stated_noise = {
@@ -220,19 +215,20 @@ def recover(
     results = Destination(
         out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console
     )
+    simulated = []
     if simulate:
         from glazejax.catalogue import load
 
         from ..film.simulate import simulate_paints
 
         fit_options["noise"] = usual_noise
-        paints = options.choose_paints(load(shelf), samples)
+        simulated = options.choose_paints(load(shelf), samples)
         console.print(
-            f"Simulated data: spectra of {len(paints)} catalogue paints, "
+            f"Simulated data: spectra of {len(simulated)} catalogue paints, "
             f"{format_length(metres)} thick, with made-up noise (seed {seed}). Nothing here was "
             "measured."
         )
-        films = simulate_paints(paints, metres, seed=seed, **fit_options)
+        films = simulate_paints(simulated, metres, seed=seed, **fit_options)
     else:
         assert file is not None
         films = read_loose_films(file, **stated)
@@ -288,35 +284,7 @@ def recover(
             return
         films = replace(films, names=readable_names(films.names, recipes))
 
-    from .films.film_by_film import recover_chunks
-    from .films.result import Recovery
-
-    chunks = recover_chunks(films, **fit_options)
-    chunk_recoveries, how = progress.collect(
-        lambda _: chunks, len(films), "compiling, then recovering", "recovering"
-    )
-    recovery = Recovery.join(films, chunk_recoveries)
-
-    from .show.plots import plot_paint
-    from .show.report import fit_table, report_films
-
-    for line in report_films(recovery, how.seconds, how.first):
-        console.print(line)
-    console.print(
-        f"Thickness: {format_length(metres)} is assumed, not measured. Only k d and s d are known: "
-        "a film of twice that has half the k and s.",
-        style="bold",
-    )
-    results.write(
-        [recovery.pigment(row, metres) for row in range(len(recovery))],
-        {"fits.csv": fit_table(recovery)},
-        recovery.films.names,
-        lambda row, path: plot_paint(recovery, row, metres, path),
-    )
-    if simulate:
-        _compare(recovery, metres, shelf, console)
-    if how.interrupted:
-        progress.stop_interrupted(console, len(recovery), len(films), "films")
+    recover_each(films, fit_options, results, simulated)
 
 
 def _check(
@@ -362,24 +330,3 @@ def _catalogue(name: str | None, used: bool) -> str:
             "--white NAME or --simulate, or leave it out"
         )
     return name
-
-
-def _compare(recovery: "Recovery", thickness: float, shelf: str, console: "Console") -> None:
-    """Say how often the simulated truth lies in the error bands."""
-    import numpy as np
-
-    from glazejax import catalogue
-
-    paints = options.find_paints(recovery.films.names, catalogue.load(shelf))
-    named = [paints[name] for name in recovery.films.names]
-    pairs = [np.column_stack([paint.absorption, paint.scattering]) for paint in named]
-    truth = thickness * np.stack(pairs)
-    lower, upper = recovery.interval()
-    covered = (truth >= lower) & (truth <= upper)
-    bands = recovery.identifiable
-    if bands.any():
-        k, s = covered[bands].mean(axis=0)
-        console.print(
-            f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the "
-            f"{bands.sum()} bands where both are known."
-        )

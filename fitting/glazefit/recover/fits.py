@@ -1,5 +1,5 @@
-"""Fits of `glazejax recover` that take films together, by their recipes or as coats of a brush:
-what is said of them, and the files that come of them.
+"""Fits of `glazejax recover`, film by film, of films together by their recipes, or of coats of a
+brush: what is said of them, and the files that come of them.
 """
 
 import itertools
@@ -26,6 +26,8 @@ from ..film.gloss import measure_gloss
 from ..film.readers import read_loose_films, recipes_from_names
 from ..film.shared_bands import average, crop
 from .coats.coats import coat_of, predict_next_coat, recover_coats
+from .films.film_by_film import recover_chunks
+from .films.result import Recovery
 from .joint.entries import PaintFile, add_paints
 from .joint.joint import recover_jointly
 from .joint.pose import Gauge
@@ -33,14 +35,16 @@ from .joint.problem import Expectations
 from .joint.result import JointRecovery
 from .predict.crossvalidation import cross_validate
 from .predict.next_reading import rank_next_films
-from .show.plots import plot_joint_paint, plot_ladder, plot_left_out
+from .show.plots import plot_joint_paint, plot_ladder, plot_left_out, plot_paint
 from .show.report import (
     Table,
     coat_table,
     film_table,
+    fit_table,
     left_out_table,
     next_coat_table,
     report_coats,
+    report_films,
     report_joint,
     report_left_out,
 )
@@ -100,6 +104,64 @@ class Destination(NamedTuple):
 def slug(name: str) -> str:
     """A name that any file system takes."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("_.") or "paint"
+
+
+def recover_each(
+    films: Films,
+    fit_options: dict[str, Any],
+    results: Destination,
+    simulated: Sequence[Pigment],
+) -> None:
+    """Recover each film by itself, and write and say what was found.
+
+    Args:
+        films: as read, or made.
+        fit_options: instrument and noise.
+        results: where they go.
+        simulated: true paints of films that were made; none of measured ones.
+    """
+    metres = results.thickness
+    console = results.console
+    chunks = recover_chunks(films, **fit_options)
+    chunk_recoveries, how = progress.collect(
+        lambda _: chunks, len(films), "compiling, then recovering", "recovering"
+    )
+    recovery = Recovery.join(films, chunk_recoveries)
+    for line in report_films(recovery, how.seconds, how.first):
+        console.print(line)
+    console.print(
+        f"Thickness: {format_length(metres)} is assumed, not measured. Only k d and s d are known: "
+        "a film of twice that has half the k and s.",
+        style="bold",
+    )
+    results.write(
+        [recovery.pigment(row, metres) for row in range(len(recovery))],
+        {"fits.csv": fit_table(recovery)},
+        recovery.films.names,
+        lambda row, path: plot_paint(recovery, row, metres, path),
+    )
+    if simulated:
+        _compare(recovery, metres, simulated, console)
+    if how.interrupted:
+        progress.stop_interrupted(console, len(recovery), len(films), "films")
+
+
+def _compare(
+    recovery: Recovery, thickness: float, paints: Sequence[Pigment], console: Console
+) -> None:
+    """Say how often the simulated truth lies in the error bands."""
+    truth = thickness * np.stack(
+        [np.column_stack([paint.absorption, paint.scattering]) for paint in paints[: len(recovery)]]
+    )
+    lower, upper = recovery.interval()
+    covered = (truth >= lower) & (truth <= upper)
+    bands = recovery.identifiable
+    if bands.any():
+        k, s = covered[bands].mean(axis=0)
+        console.print(
+            f"The true k lies in its 95 % band in {k:.1%} and the true s in {s:.1%} of the "
+            f"{bands.sum()} bands where both are known."
+        )
 
 
 def recover_together(
