@@ -36,15 +36,8 @@ from .result import FilmFlags, FilmSpectra, PerFilm, Recovery, told_apart
 
 CHUNK = 8
 """Films a chunk."""
-PerBand: TypeAlias = Float[Array | np.ndarray, "*bands"]
-"""A number a band, of one band or several."""
-
-
-class ScatteringPrior(NamedTuple):
-    """Prior of log(s d): its mean and one over its standard deviation (0 for nothing)."""
-
-    mean: PerBand
-    weight: PerBand
+ExpectedScattering: TypeAlias = Float[Array | np.ndarray, "*bands"]
+"""Log(s d) expected at each band, with a standard deviation of 1; NaN for nothing."""
 
 
 class BandStart(NamedTuple):
@@ -67,7 +60,7 @@ class Estimate(NamedTuple):
 
 
 def starts(
-    scaled: ScaledReadings, data: FilmData, shared: FilmShared, prior: ScatteringPrior
+    scaled: ScaledReadings, data: FilmData, shared: FilmShared, expected: ExpectedScattering
 ) -> BandStart:
     """Starting points of one band: the two lowest local minima of a grid (the lowest twice if there
     is one only).
@@ -90,7 +83,7 @@ def starts(
     cost = jnp.sum((lower + share[..., None] * step) ** 2, axis=-1)
     least = log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
-    cost = cost + (prior.weight * (log_scattering - prior.mean)) ** 2
+    cost = cost + jnp.nan_to_num(log_scattering - expected) ** 2
     walled = jnp.pad(cost, 1, constant_values=jnp.inf)
     rows, columns = cost.shape
     around = jnp.stack([walled[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
@@ -102,7 +95,7 @@ def starts(
     # do.
     enough = jnp.argmax((cost <= cost.min() + 4.0).any(axis=1)) * columns
     enough += jnp.argmin(cost[enough // columns])
-    first = jnp.where(prior.weight > 0, enough, first)
+    first = jnp.where(jnp.isnan(expected), first, enough)
     row, column = jnp.divmod(jnp.stack([first, second]), columns)
     at = log_absorption[row] + share[row, column] * (log_absorption[1] - log_absorption[0])
     points = jnp.stack([at, log_scattering[column]], axis=-1)
@@ -110,7 +103,7 @@ def starts(
 
 
 @functools.partial(Program, fixed=("film",))
-def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior) -> Estimate:
+def solve(film: Film, data: FilmData, shared: FilmShared, expected: ExpectedScattering) -> Estimate:
     """Solve every band of a batch, (n,), side by side.
 
     A weak pull to the start settles directions that the data leave open; it moves a value that they
@@ -120,25 +113,25 @@ def solve(film: Film, data: FilmData, shared: FilmShared, prior: ScatteringPrior
     known to 1 + 5 times itself, so that what the data leave open comes out large, not infinite.
     """
     scaled = ScaledReadings(film)
-    start = jax.vmap(lambda data, prior: starts(scaled, data, shared, prior))(data, prior)
+    start = jax.vmap(lambda data, expected: starts(scaled, data, shared, expected))(data, expected)
 
     def residuals(
-        logs: Array, start: Array, data: FilmData, prior: ScatteringPrior
+        logs: Array, start: Array, data: FilmData, expected: Array
     ) -> Float[Array, "rows"]:
-        informed = prior.weight > 0
+        nothing = jnp.isnan(expected)
         # In standard deviations per unit of log k d or log s d.
-        pull = jnp.stack([jnp.where(informed, 0.2, 0.05), jnp.where(informed, prior.weight, 0.05)])
-        centre = jnp.stack([start[0], jnp.where(informed, prior.mean, start[1])])
+        pull = jnp.where(nothing, 0.05, np.array([0.2, 1.0]))
+        centre = jnp.stack([start[0], jnp.where(nothing, start[1], expected)])
         return jnp.concatenate([scaled(logs, data, shared), pull * (logs - centre)])
 
     # Both starts of a band are bands of their own until the better one is chosen.
-    doubled, priors = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, prior))
+    doubled, both_expected = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, expected))
     first = start.logs.reshape(-1, 2)
     ends, converged = levenberg_marquardt(
-        residuals, first, first, doubled, priors, rtol=1e-4, atol=1e-3, max_steps=20
+        residuals, first, first, doubled, both_expected, rtol=1e-4, atol=1e-3, max_steps=20
     )
     misfit = jnp.sum(jax.vmap(scaled, in_axes=(0, 0, None))(ends, doubled, shared) ** 2, axis=1)
-    cost = (misfit + (priors.weight * (ends[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
+    cost = (misfit + jnp.nan_to_num(ends[:, 1] - both_expected) ** 2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
     pair = ends.reshape(-1, 2, 2)
@@ -237,8 +230,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
     def by_film(values: Array) -> np.ndarray:
         return np.reshape(values, (CHUNK, bands, *values.shape[1:]))[:count]
 
-    nothing = ScatteringPrior(np.zeros(size), np.zeros(size))
-    free = chosen = jax.tree.map(by_film, solve(film, data, shared, nothing))
+    free = chosen = jax.tree.map(by_film, solve(film, data, shared, np.full(size, np.nan)))
     # Where the noise leaves k and s apart, and one solution, both are known.
     noise_sd = np.linalg.norm(by_film(data.sd)[:, :, 0], axis=2)
     contrast = (free.fitted[..., 1] - free.fitted[..., 0]) / noise_sd
@@ -251,8 +243,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
             identifiable,
             free.least_scattering,
         )
-        prior = ScatteringPrior(*(values.ravel()[rows] for values in expected))
-        drawn = jax.tree.map(by_film, solve(film, data, shared, prior))
+        drawn = jax.tree.map(by_film, solve(film, data, shared, expected.ravel()[rows]))
         chosen = jax.tree.map(
             lambda a, b: np.where(identifiable.reshape(count, bands, *[1] * (a.ndim - 2)), a, b),
             free,
@@ -279,9 +270,8 @@ def neighbours_scattering(
     log_scattering: FilmSpectra,
     identifiable: FilmFlags,
     least: FilmSpectra,
-) -> tuple[FilmSpectra, FilmSpectra]:
-    """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them
-    elsewhere.
+) -> FilmSpectra:
+    """Log(s d) expected where it is not known, by continuity with the known bands; NaN at these.
 
     Between known bands log(s d) is interpolated, beyond them continued as a constant, and never
     less than the data allow. A film without any known band gets one value, the least that all its
@@ -301,5 +291,5 @@ def neighbours_scattering(
             mean[row] = np.maximum(line, least[row])
         else:
             mean[row] = least[row].max()
-    # A factor of e: it holds where the data are silent, and yields where they speak.
-    return mean, np.where(identifiable, 0.0, 1.0)
+    # To a factor of e: it holds where the data are silent, and yields where they speak.
+    return np.where(identifiable, np.nan, mean)
