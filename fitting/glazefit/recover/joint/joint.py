@@ -22,7 +22,7 @@ from ...film.model.mixing import MixingLaw, weight_table
 from ...film.model.response import Response
 from ...film.noise import estimate_noise
 from .pose import Gauge, pose
-from .problem import Expectations, Unknowns, deviations, readings, totals
+from .problem import Expectations, Unknowns, readings, totals
 from .result import JointRecovery
 from .solver import JointCovariance, factorise, solve_jointly
 
@@ -125,7 +125,7 @@ def recover_jointly(
             note=lambda steps: progress(steps, max_steps, "fitting k and s first, steps at most"),
         )
     else:
-        first = deviations(start, problem)
+        first = totals(start, problem, sign=-1.0)
     solution, descent = solve_jointly(
         problem=problem,
         start=first,

@@ -131,7 +131,7 @@ class JointProblem(NamedTuple):
 
 
 class JointResiduals(NamedTuple):
-    """JointResiduals in standard deviations."""
+    """Residuals in standard deviations, of readings and of the prior."""
 
     data: Float[Array, "bands films 2"]
     curvature: Float[Array, "inner local"]
@@ -141,7 +141,7 @@ class JointResiduals(NamedTuple):
 
 def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unknowns:
     """Logs of coefficients and of thicknesses as they are: unknowns with what the others add, in
-    NumPy or JAX. With a `sign` of -1 that is taken away again, see `deviations`.
+    NumPy or JAX. With a `sign` of -1 that is taken away again.
     """
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
     coefficients = unknowns.others @ problem.band_modes.reshape(-1, unknowns.bands.size)
@@ -150,11 +150,6 @@ def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unkn
         bands=unknowns.bands + sign * coefficients.reshape(unknowns.bands.shape),
         films=unknowns.films + sign * thickness[:, None] * first,
     )
-
-
-def deviations(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
-    """The opposite of `totals`."""
-    return totals(unknowns, problem, -1.0)
 
 
 def optical_thickness(
@@ -194,7 +189,7 @@ def readings_of_draws(
 
 
 def residuals(unknowns: Unknowns, problem: JointProblem) -> JointResiduals:
-    """JointResiduals of the whole problem, from deviations."""
+    """Residuals of the whole problem, from deviations."""
     prior = jax.tree.map(
         lambda value, mean, scale: (value - mean) / scale, unknowns, problem.mean, problem.scale
     )
