@@ -235,7 +235,8 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
     noise_sd = np.linalg.norm(by_film(data.sd)[:, :, 0], axis=2)
     contrast = (free.fitted[..., 1] - free.fitted[..., 0]) / noise_sd
     identifiable = told_apart(free.optical, free.covariance, contrast) & ~free.ambiguous
-    # Elsewhere s follows the known bands next to it, and k the ratio.
+    # Elsewhere s follows the known bands next to it, and k the ratio. Of known bands nothing is
+    # expected, so that they end where they did.
     if not identifiable.all():
         expected = neighbours_scattering(
             films.wavelengths,
@@ -243,12 +244,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise) -> Recove
             identifiable,
             free.least_scattering,
         )
-        drawn = jax.tree.map(by_film, solve(film, data, shared, expected.ravel()[rows]))
-        chosen = jax.tree.map(
-            lambda a, b: np.where(identifiable.reshape(count, bands, *[1] * (a.ndim - 2)), a, b),
-            free,
-            drawn,
-        )
+        chosen = jax.tree.map(by_film, solve(film, data, shared, expected.ravel()[rows]))
     surface = (gloss * instrument.seen_surface)[:, None]
     return Recovery(
         films=films,
