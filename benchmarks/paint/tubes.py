@@ -12,7 +12,6 @@ the joint fit of all films but that one. Times are those of this process.
 """
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.readers import is_masstone, recipes_from_names
 from glazefit.film.simulate import simulate_paints
-from glazefit.recover.joint.entries import PaintFile, entries
+from glazefit.recover.joint.entries import entries
 from glazefit.recover.joint.joint import UNIT, recover_jointly
 from glazefit.recover.joint.pose import error_modes
 from glazefit.recover.joint.result import JointRecovery
@@ -205,7 +204,7 @@ def recovered(
     """The fit of a tube's masstone and tint, and the entry of its paint."""
     films = made.films.take([0, 1])
     found = recover_jointly(films, made.recipes, instrument=instrument, pigments=known)
-    return found, entries(found, PaintFile(Path("mine.csv"), {}))[0]
+    return found, entries(found, {})[0]
 
 
 def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ from ..film.shared_bands import average, crop
 from .coats.coats import coat_of, predict_next_coat, recover_coats
 from .films.film_by_film import recover_chunks
 from .films.result import Recovery
-from .joint.entries import PaintFile, add_paints
+from .joint.entries import add_paints, read_own_paints
 from .joint.joint import recover_jointly
 from .joint.pose import Gauge
 from .joint.problem import Expectations
@@ -200,8 +200,8 @@ def recover_together(
             f"{short} and {long} are fitted as two paints: if they are one, call it by one name.",
             style="yellow",
         )
-    file = None if into is None else PaintFile.open(into, "--into")
-    references = known_paints(recipes, file, white, overwrite, catalogue)
+    own_paints = {} if into is None else read_own_paints(into, "--into")
+    references = known_paints(recipes, own_paints, into, white, overwrite, catalogue)
     gauge = read_gauge(wet_film, films.names)
     fitted = average(films)
     for paint in references.values():
@@ -254,13 +254,12 @@ def recover_together(
             if plots:
                 plot_left_out(recovery, left_out, out / "left_out.png")
     _say_scale(recovery, references, gauge, console)
-    if file is not None:
-        new = add_paints(recovery, file.path, overwrite=overwrite)
-        replaced = sorted(set(new) & set(file.paints))
+    if into is not None:
+        new = add_paints(recovery, into, overwrite=overwrite)
+        replaced = sorted(set(new) & set(own_paints))
         remark = f" (replaced: {', '.join(replaced)})" if replaced else ""
         console.print(
-            f"Added {', '.join(new)} to {file.path}{remark}, with {len(file.paints)} paints there "
-            "before."
+            f"Added {', '.join(new)} to {into}{remark}, with {len(own_paints)} paints there before."
         )
     if not listed or into or white or wet_film or excluded:
         _print_next_films(recovery, catalogue, console)
@@ -280,13 +279,14 @@ def _one_paint_twice(recipes: Recipes) -> list[tuple[str, str]]:
 
 def known_paints(
     recipes: Recipes,
-    file: PaintFile | None,
+    own_paints: Mapping[str, Pigment],
+    into: Path | None,
     white: str,
     overwrite: bool,
     catalogue: str,
 ) -> dict[str, Pigment]:
-    """Paints of the recipes that are known: those of the file, and the white, which is one of the
-    file or of a catalogue.
+    """Paints of the recipes that are known: own ones, of the file `into`, and the white, which is
+    one of these or of a catalogue.
 
     Raises:
         ValueError: a white that neither the file nor a catalogue has or that no film holds, or
@@ -295,11 +295,12 @@ def known_paints(
     paints = list(
         dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
     )
-    in_file = file.paints if file is not None else {}
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    references = {p: in_file[p] for p in paints if p in in_file and not (overwrite and p in pure)}
+    references = {
+        p: own_paints[p] for p in paints if p in own_paints and not (overwrite and p in pure)
+    }
     if white:
-        (paint,) = options.find_paints([white], {**load(catalogue), **in_file}).values()
+        (paint,) = options.find_paints([white], {**load(catalogue), **own_paints}).values()
         # The name that it has in films.
         paint = paint.renamed(paint.name.rpartition(":")[2])
         if paint.name not in paints:
@@ -308,7 +309,7 @@ def known_paints(
             )
         references[paint.name] = paint
     if len(references) == len(paints):
-        where = "known" if file is None else f"in {file.path}"
+        where = "known" if into is None else f"in {into}"
         raise ValueError(
             f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits "
             "those again that have a film of their own (but --white)"

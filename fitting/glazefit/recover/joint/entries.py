@@ -10,7 +10,6 @@ are, letter by letter.
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import equinox as eqx
@@ -27,33 +26,20 @@ from .pose import MOST_ERROR, error_modes
 from .result import JointRecovery, by_paint
 
 
-@dataclass(frozen=True)
-class PaintFile:
-    """A file of paints that may be added to.
+def read_own_paints(path: str | Path, argument: str = "") -> dict[str, Pigment]:
+    """Paints of a file that may be added to, by name; none if it does not exist.
 
-    Attributes:
-        path: of the file, which need not exist.
-        paints: by name, as they are.
+    Args:
+        path: of the file.
+        argument: what the path was given as; errors begin with it.
+
+    Raises:
+        FileNotFoundError: its folder does not exist.
+        IsADirectoryError: it is a folder.
+        ValueError: it is no table of paints.
     """
-
-    path: Path
-    paints: Mapping[str, Pigment]
-
-    @classmethod
-    def open(cls, path: str | Path, argument: str = "") -> "PaintFile":
-        """The file and its paints; none if it does not exist.
-
-        Args:
-            path: of the file.
-            argument: what the path was given as; errors begin with it.
-
-        Raises:
-            FileNotFoundError: its folder does not exist.
-            IsADirectoryError: it is a folder.
-            ValueError: it is no table of paints.
-        """
-        path = check_output(path, overwrite=True, argument=argument)
-        return cls(path, read_pigments(path) if path.exists() and path.stat().st_size else {})
+    path = check_output(path, overwrite=True, argument=argument)
+    return read_pigments(path) if path.exists() and path.stat().st_size else {}
 
 
 def add_paints(
@@ -83,18 +69,19 @@ def add_paints(
             fit was given, or it is no table of paints.
         FileNotFoundError, IsADirectoryError: there is no such folder, or the path is one.
     """
-    file = PaintFile.open(path)
+    path = Path(path)
+    own_paints = read_own_paints(path)
     for name in recovery.known:
-        if name in file.paints and not _same(recovery, name, file.paints[name]):
+        if name in own_paints and not _same(recovery, name, own_paints[name]):
             raise ValueError(
-                f"{file.path} has another {name!r} than the fit used: give the fit the file's own, "
+                f"{path} has another {name!r} than the fit used: give the fit the file's own, "
                 f"glazejax.catalogue.read(path)[{name!r}] (--white {name})"
             )
-    written = entries(recovery, file)
+    written = entries(recovery, own_paints)
     new = tuple(paint.name for paint in written)
-    if (existing := sorted(set(new) & set(file.paints))) and not overwrite:
+    if (existing := sorted(set(new) & set(own_paints))) and not overwrite:
         raise ValueError(
-            f"{file.path} has an entry {existing[0]!r}; give another name, or replace it with "
+            f"{path} has an entry {existing[0]!r}; give another name, or replace it with "
             "overwrite=True (--overwrite)"
         )
     scale = f"a typical film taken as {format_length(recovery.unit)}"
@@ -109,7 +96,7 @@ def add_paints(
         if name in new
     ]
     # The other paints' lines stay as they are.
-    lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
+    lines = path.read_text(encoding="utf-8-sig").splitlines() if own_paints else []
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [comment for comment in comments if comment not in remarks]
     cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
@@ -131,7 +118,7 @@ def add_paints(
         row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
         # No share in modes that no new paint has either; other columns of the file are not ours.
         writer.writerow(row.get(title, "0") for title in wide)
-    with whole_file(file.path) as temporary:
+    with whole_file(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
     return new
 
@@ -158,21 +145,21 @@ def _same(recovery: JointRecovery, name: str, existing: Pigment) -> bool:
     )
 
 
-def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
+def entries(recovery: JointRecovery, own_paints: Mapping[str, Pigment]) -> list[Pigment]:
     """Paints as they are written, in 1/m: a recovery's new ones, and known ones that the file
     lacks. Their error modes stand where the file's columns for them are, 0 in those of others.
 
     Args:
         recovery: joint fit of the new paints.
-        file: that they go to.
+        own_paints: of the file that they go to.
     """
-    in_file = (paint.error_modes for paint in file.paints.values())
+    in_file = (paint.error_modes for paint in own_paints.values())
     first = max((len(modes) for modes in in_file if modes is not None), default=0)
     # Numbers of known paints' modes among the others -> their columns in the file.
     columns: dict[int, int] = {}
     for name, paint in recovery.known_paints.items():
         numbers = recovery.known_modes[name]
-        if name in file.paints:
+        if name in own_paints:
             if paint.error_modes is not None:
                 columns |= numbers
         elif not columns.keys() >= numbers.keys():
@@ -215,7 +202,7 @@ def entries(recovery: JointRecovery, file: PaintFile) -> list[Pigment]:
     ]
     # Known paints that the file lacks, with their own errors.
     for name, paint in recovery.known_paints.items():
-        if name in file.paints:
+        if name in own_paints:
             continue
         numbers = recovery.known_modes[name]
         known_paint = paint.resample(recovery.wavelengths)
