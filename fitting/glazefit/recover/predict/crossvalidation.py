@@ -137,9 +137,7 @@ def cross_validate(
         for row in rows:
             progress(len(predictions), len(rows), f"leaving out {films.names[row]}")
             refit = without(whole, films, recipes, row, **fit_options)
-            predictions += predict_films(
-                refit, films.take([row]), recipes, response=fit_options.get("response")
-            )
+            predictions += predict_films(refit, films.take([row]), recipes)
     except KeyboardInterrupt:
         if not predictions:
             raise

@@ -21,7 +21,7 @@ from glazejax.spectra import Bands, describe_grid
 from ...film.films import Films, Noise, card_readings
 from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ...film.model.mixing import weight_table
-from ...film.model.response import Response, film_response
+from ...film.model.response import Response
 from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from ...film.numerics.weighted import numbers_at
 from ...film.tables import WAVELENGTH, Tabulated, Variables
@@ -229,7 +229,7 @@ def predict_films(
         discrepancy: a film's own errors of size one, by default `film.model.variation.MIXED`.
         variation: how large these are: what films that were left out taught (`LeftOut.variation`),
             by default the prior.
-        response: model of one film, by default that of the recovery's instrument.
+        response: model of one film, by default that of the recovery.
 
     Raises:
         ValueError: a film without a recipe, or with a paint that the recovery does not know.
@@ -239,7 +239,7 @@ def predict_films(
     variation = variation or Variation()
     instrument = recovery.instrument
     paints = len(recovery.paints)
-    response = response or film_response(instrument)
+    response = response or recovery.problem.response
     card_data = card_readings(films, instrument, noise)
     named, weights = weight_table(films.names, recipes)
     columns = np.zeros((len(films), paints))
