@@ -107,7 +107,7 @@ def predict(
 
     from glazejax.io import write_table
 
-    from ..film.films import Instrument, card_readings
+    from ..film.films import Instrument
     from .fits import read_gauge
     from .joint.joint import UNIT
     from .predict.mixture import calibrate_mixture, predict_mixture
@@ -135,7 +135,7 @@ def predict(
                 progress=report,
             )
         grid = calibrated.wavelengths
-        black, white = card_readings(calibrated.films, seen_with, calibrated.noise).ground[0].T
+        black, white = calibrated.problem.ground[:, 0].T
         ground = (black, white)
         read_thickness = float(f"{calibrated.thickness[0] * UNIT:.2g}")
         thicknesses = thicknesses or (

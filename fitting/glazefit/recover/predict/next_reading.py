@@ -219,11 +219,11 @@ def rank_next_films(
     draws = _draw_plan(recovery, rows, bands, plan, stand_in)
     # Over the cards of the first film.
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
-    ground, ground_sd = (values[0, bands] for values in (card_data.ground, card_data.ground_sd))
+    ground_sd = card_data.ground_sd[0, bands]
     films, paints = plan.shares.shape
     none_known = np.zeros((0, films, 2))
     planned = recovery.problem._replace(
-        ground=ground[:, None],
+        ground=recovery.problem.ground[bands, :1],
         shares=plan.shares,
         # Of a tint the paint is the smaller part, and what weighing leaves open is its own.
         minor=np.broadcast_to(np.eye(1, paints), (films, 1, paints)),
