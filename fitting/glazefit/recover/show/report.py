@@ -75,18 +75,13 @@ def report_films(recovery: Recovery, seconds: float, first: float) -> Iterator[R
             "of it was counted.",
             "dim",
         )
-    odd = ~recovery.converged & (recovery.misfit > 9)
-    for row in np.flatnonzero(odd.any(axis=1)):
-        yield Text(
-            f"{names[row]}: the solver did not settle at {ranges(grid, odd[row])}.", "yellow"
-        )
-    off = recovery.misfit > 16
-    for row in np.flatnonzero(off.any(axis=1)):
-        yield Text(
-            f"{names[row]}: no k and s meet both spectra within 4 standard deviations at "
-            f"{ranges(grid, off[row])}.",
-            "yellow",
-        )
+    faults = {
+        "the solver did not settle at": ~recovery.converged & (recovery.misfit > 9),
+        "no k and s meet both spectra within 4 standard deviations at": recovery.misfit > 16,
+    }
+    for words, flags in faults.items():
+        for row in np.flatnonzero(flags.any(axis=1)):
+            yield Text(f"{names[row]}: {words} {ranges(grid, flags[row])}.", "yellow")
 
 
 def _ratios(recovery: Recovery, row: int) -> str:
