@@ -1,1 +1,1 @@
-"""What recoveries and predictions say: tables, sentences, pictures."""
+"""Tables, sentences and pictures of recoveries and predictions."""

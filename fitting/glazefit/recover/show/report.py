@@ -378,7 +378,9 @@ def report_reading(
     after: Sequence[Prediction],
     eye: tuple[str, str],
 ) -> Iterator[RenderableType]:
-    """What a reading of a mixture shows, and what it takes from the error of predictions."""
+    """Lines on what a reading of a mixture shows, and how much it takes from the error of
+    predictions.
+    """
     film = calibrated.films
     fit = calibrated.delta_e(*eye)[0][film.seen[0]]
     thick = (
@@ -413,8 +415,8 @@ def report_reading(
 def report_predictions(
     predictions: Sequence[Prediction], eye: tuple[str, str], *, anew: bool
 ) -> Iterator[RenderableType]:
-    """A table of colours, and what they are expected to be off; of films mixed anew also by how
-    much two of them differ.
+    """A table of colours, and what they are expected to be off; where no mixing was read, also by
+    how much two of them differ.
     """
     table = plain_table("film", "over", "", "L*", "a*", "b*", "expected ΔE00", words=(0, 1, 2))
     for prediction in predictions:
