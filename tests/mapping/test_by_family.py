@@ -12,7 +12,7 @@ from glazefit.mapping.family_facts import describe_sets
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.solve.by_family import FamilySearcher
-from glazefit.mapping.solve.working_bands import WorkingBands
+from glazefit.mapping.solve.image import WorkingBands
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.store import MapStore
 from glazejax import Glaze, Layer, catalogue, reflectance

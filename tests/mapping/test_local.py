@@ -13,9 +13,9 @@ from glazefit.identify.result import Identification
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.solve.atlas import Atlas
+from glazefit.mapping.solve.image import WorkingBands
 from glazefit.mapping.solve.local import Searched, as_measured, search_locally
 from glazefit.mapping.solve.survey import Features
-from glazefit.mapping.solve.working_bands import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
 

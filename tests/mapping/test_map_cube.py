@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 
 from glazefit import Noise
 from glazefit.mapping.map_cube import map_cube
+from glazefit.mapping.solve.image import WorkingBands
 from glazefit.mapping.solve.spots import spot_pigment
 from glazefit.mapping.solve.task import map_task
-from glazefit.mapping.solve.working_bands import WorkingBands
 from glazefit.mapping.store.layout import BY_NAME, Status, Way
 from glazefit.mapping.store.store import MapStore
 from glazejax import Glaze, Hemispherical, Layer, reflectance

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
-from glazefit.mapping.solve.working_bands import WorkingBands, classify
+from glazefit.mapping.solve.image import WorkingBands, classify
 from glazefit.mapping.store.layout import Status
 from tests.mapping import small
 

@@ -27,6 +27,7 @@ from ..identify.search.searcher import Searcher
 from .solve.agreement import agreement
 from .solve.atlas import Atlas, search_for_atlas
 from .solve.by_family import Answered, FamilySearcher
+from .solve.image import classify
 from .solve.local import Searched
 from .solve.pool import ALONG, pooled
 from .solve.process import give_back, one_thread_each
@@ -34,7 +35,6 @@ from .solve.solver import PixelSolver
 from .solve.survey import Features, survey
 from .solve.task import MapTask, map_task
 from .solve.unexplained import choose_spots
-from .solve.working_bands import classify
 from .store.chunk import ChunkMaps, PixelReadings
 from .store.layout import STATUS_WORDS, Status
 from .store.run import AT_ONCE, client_in_scope, finish

@@ -209,7 +209,7 @@ def read_ground_of_cube(
     from glazejax.spectra import describe_grid
 
     from ..film.films import ground_from_air
-    from .solve.working_bands import used_range
+    from .solve.image import used_range
 
     if text is None:
         return None, "a ground that is not seen", ()

@@ -1,24 +1,155 @@
-"""An image of spectra: its readings at the bands that are worked with."""
+"""An image of spectra: the readings that are worked with, and which of its pixels say anything.
+
+Bands are as fine as the paints are known.
+"""
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, UInt8
+
+from glazejax import Pigment
+from glazejax.spectra import Bands, common_range
 
 from ...film.films import Noise
+from ...film.shared_bands import SEARCHED, shared_bands
+from ...identify.families.expected import has_families
 from ..store.chunk import PixelReadings
+from ..store.layout import Status
 from ..store.windows import Window
-from .working_bands import BandReadings, WorkingBands, classify
 
 if TYPE_CHECKING:
     import xarray
 
     from glazejax.io import CubeSource
 
+BandReadings: TypeAlias = Float[np.ndarray, "*n bands"]
+"""Readings at the working bands, or their standard deviations; of any shape before the bands."""
+
 # Values read at a time.
 _VALUES = 2**24
+# Readings below 0 or near it by so many standard deviations of their noise are no noise.
+_SURE = 4.0
+
+
+@dataclass(frozen=True)
+class WorkingBands:
+    """Groups of an image's bands, each averaged to one reading.
+
+    A catalogue known every 10 nm says nothing finer: means over such groups hold all that
+    distinguishes its paints, with less noise, at a fraction of the cost.
+
+    Attributes:
+        wavelengths: (bands,), nm, means over the groups.
+        mean: from the image's bands to these; zero for bands that the paints do not cover.
+        count: of the image's bands in each.
+    """
+
+    wavelengths: Bands
+    mean: Float[np.ndarray, "stored bands"]
+    count: Bands
+
+    @classmethod
+    def of(cls, stored: Float[np.ndarray, "stored"], pigments: Sequence[Pigment]) -> "WorkingBands":
+        """Bands for an image and the paints that are looked for in it.
+
+        Args:
+            stored: wavelengths of the image, nm, ascending.
+            pigments: of the catalogue.
+
+        Raises:
+            ValueError: the paints cover less than six bands of the image.
+        """
+        first, last = used_range(pigments)
+        # Tables are often interpolated to finer steps than paint has structure for.
+        # Steps in nm below which spectra of paint hold no more, and working bands at most. Families
+        # have the bins of their search: it would average bands of other bins once more.
+        finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
+        width = SEARCHED if has_families(pigments) else max(finest, SEARCHED, (last - first) / 60)
+        grid, mean, _ = shared_bands(stored, (first, last), width, "the image has")
+        return cls(grid, mean, np.count_nonzero(mean, axis=0).astype(float))
+
+    def means(
+        self, block: Float[np.ndarray, "pixels stored"], saturated: float = np.inf
+    ) -> Float[np.ndarray, "pixels bands"]:
+        """Readings of pixels, single precision.
+
+        Args:
+            block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
+                infinite.
+            saturated: reading from which the detector was full; infinite if that is not stated.
+        """
+        first, last = np.flatnonzero(self.mean.any(axis=1))[[0, -1]]
+        block = block[:, first : last + 1].astype(np.float32, copy=False)
+        with np.errstate(invalid="ignore"):
+            readings = block @ self.mean[first : last + 1].astype(np.float32)
+            full = block.max(axis=1) >= saturated
+            odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
+        # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
+        full[odd] |= np.isposinf(block[odd]).any(axis=1)
+        readings[odd] = np.nan
+        readings[full] = np.inf
+        return readings
+
+    def noise_sd(self, readings: BandReadings, noise: Noise) -> BandReadings:
+        """Standard deviation of the readings' noise.
+
+        Args:
+            readings: at these bands.
+            noise: of one of the image's own readings; averaging makes it less. What an instrument's
+                scale and stray light do to all bands, as much as of a bench instrument (`Noise()`),
+                it does not.
+        """
+        return np.hypot(
+            noise.sd(readings) / np.sqrt(self.count).astype(readings.dtype), Noise().sd(readings)
+        )
+
+
+def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
+    """First and last wavelength that an image is used at, nm: all paints are known there or, where
+    they are searched by family, one of them is.
+    """
+    grids = [p.wavelengths for p in pigments]
+    if has_families(pigments):
+        return float(min(grid[0] for grid in grids)), float(max(grid[-1] for grid in grids))
+    return common_range(grids)
+
+
+def classify(
+    readings: BandReadings,
+    sd: BandReadings,
+    use: Bool[np.ndarray, "*n"] | None = None,
+) -> UInt8[np.ndarray, "*n"]:
+    """Status of pixels: a number of `layout.Status` for each.
+
+    Args:
+        readings: at the working bands; a missing band makes them NaN, a saturated one infinite.
+        sd: of their noise.
+        use: the user's mask.
+    """
+    status = np.full(readings.shape[:-1], Status.MAPPED, np.uint8)
+    with np.errstate(invalid="ignore"):
+        top = readings.max(axis=-1)
+        bottom = readings.min(axis=-1)
+        mean_sd = sd.mean(axis=-1)
+        tests = [
+            (Status.DARK, top < _SURE * mean_sd),
+            (Status.TOO_BRIGHT, top > 1.5),
+            (Status.NEGATIVE, (readings < -(_SURE * sd + 0.01)).any(axis=-1)),
+            (Status.SATURATED, np.isposinf(top)),
+            (
+                Status.NO_DATA,
+                np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom)),
+            ),
+        ]
+    for number, where in tests:
+        status[where] = number
+    if use is not None:
+        status[~use] = Status.MASKED
+    return status
 
 
 @dataclass(frozen=True)

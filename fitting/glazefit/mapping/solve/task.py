@@ -20,9 +20,8 @@ from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords
 from ...identify.search.searcher import Searcher
 from .by_family import FamilySearcher
-from .image import Image
+from .image import Image, WorkingBands
 from .spots import spot_pigment
-from .working_bands import WorkingBands
 
 if TYPE_CHECKING:
     import xarray
