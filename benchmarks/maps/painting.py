@@ -128,7 +128,7 @@ _STAGES |= {"checking": "check", "mapping": "map"}
 def child(folder: str) -> None:
     """What `glazejax map` does, with the times of its stages as one line of JSON."""
     where = Path(folder)
-    from glazefit.mapping.solve.process import few_arenas
+    from glazefit.mapping.store.process import few_arenas
 
     few_arenas()
     from glazejax import catalogue
@@ -192,8 +192,10 @@ def _truth(
     )
     paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
     start = time.perf_counter()
-    task = map_task(where / "painting.hdr", paints, ground=scene.ground).with_noise(Noise(*noise))
-    same = agreement(task, _readings(task.image, places), arrays)
+    stated = Noise(*noise)
+    task = map_task(where / "painting.hdr", paints, ground=scene.ground, noise=stated)
+    readings = _readings(task.image, places)
+    same = agreement(task.searcher, readings, task.image.noise_sd(readings), arrays)
     full = (time.perf_counter() - start) / len(places)
     fine = _at_image_bands(scene, paints)
     results(

@@ -188,7 +188,7 @@ def _mapped(where: Path) -> dict:
 def child(folder: str) -> None:
     """What `glazejax map` does; memory and sets as one line of JSON."""
     where = Path(folder)
-    from glazefit.mapping.solve.process import few_arenas
+    from glazefit.mapping.store.process import few_arenas
 
     few_arenas()
     from glazejax.commands.main import start_jax

@@ -27,7 +27,7 @@ from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import Paints, film_table, sets_of
 from glazefit.identify.search.task import Expected
-from glazefit.mapping.solve.local import as_measured
+from glazefit.mapping.solve.by_paint import PaintSearcher
 from glazejax import Hemispherical, Pigment
 
 from ..refusals import refusal
@@ -289,7 +289,8 @@ def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():
     for name, shares in sizes.items():
         options = IdentificationOptions(max_paints=2, prior=Prior(sizes=shares))
         searcher = Searcher.of(GRID, paints, options)
-        spectra = as_measured(searcher, reading, np.full_like(reading, 0.003), np.full(7, 0.8))
+        over_card = PaintSearcher(searcher, np.full(7, 0.8))
+        spectra = over_card.measure(reading, np.full_like(reading, 0.003))
         ((_, pool, _),) = searcher.search(spectra)
         weights[name] = {
             (*pool.members[0, n].tolist(), int(pool.condition[0, n])): pool.log_weight[0, n]

@@ -165,8 +165,9 @@ def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):
     asked = IdentificationOptions(instrument=resolve_instrument("45:0"))
     named = []
     for shelf in (paints, other):
-        search = FamilySearcher(GRID, tuple(shelf.values()), asked, True)
-        answers = search.search(cube.to_numpy()[1, :1], None).answers
+        search = FamilySearcher(GRID, tuple(shelf.values()), asked, None)
+        reading = cube.to_numpy()[1, :1]
+        answers = search.search(reading, np.full_like(reading, 0.003)).answers
         named.append(search.paints[answers.members[0, 0]])
     assert named == ["vermilion", "azurite"]
 

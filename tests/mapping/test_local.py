@@ -13,9 +13,10 @@ from glazefit.identify.result import Identification
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.solve.atlas import Atlas
+from glazefit.mapping.solve.by_paint import PaintSearcher
+from glazefit.mapping.solve.features import Features
 from glazefit.mapping.solve.image import WorkingBands
-from glazefit.mapping.solve.local import Searched, as_measured, search_locally
-from glazefit.mapping.solve.survey import Features
+from glazefit.mapping.solve.local import Searched
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
 
@@ -27,8 +28,7 @@ COUNTS = {"over a ground": 96, "hiding": 40}
 
 @dataclasses.dataclass
 class Problem:
-    searcher: Searcher
-    ground: np.ndarray | None
+    searcher: PaintSearcher
     readings: np.ndarray
     sd: np.ndarray
     known: Searched
@@ -36,7 +36,7 @@ class Problem:
     @property
     def atlas(self):
         features = Features.of(self.readings)
-        return Atlas(features, self.known, self.searcher.task.prior)
+        return Atlas(features, self.known, self.searcher.prior)
 
     @functools.cached_property
     def found(self):
@@ -44,9 +44,7 @@ class Problem:
         return self.search(self.readings)
 
     def search(self, readings):
-        return list(
-            self.searcher.search(as_measured(self.searcher, readings, self.sd, self.ground))
-        )
+        return list(self.searcher.searcher.search(self.searcher.measure(readings, self.sd)))
 
 
 def sd_of(readings):
@@ -71,18 +69,14 @@ def problem(request):
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
     chosen = np.random.default_rng(0).choice(len(spectra), COUNTS[request.param], replace=False)
     readings = bands.means(spectra)[chosen].astype(float)
-    return Problem(
-        searcher,
-        ground,
-        readings,
-        sd_of(readings),
-        search_locally(searcher, as_measured(searcher, readings, sd_of(readings), ground)),
-    )
+    sd = sd_of(readings)
+    over = PaintSearcher(searcher, ground)
+    return Problem(over, readings, sd, over.search(readings, sd))
 
 
 def probabilities(problem, found):
     measured, pool, odds = found[0]
-    searcher = problem.searcher
+    searcher = problem.searcher.searcher
     return Identification.of(
         measured,
         pool,
@@ -121,7 +115,7 @@ def test_candidates_that_were_left_out_keep_their_share(problem):
 
     def answers(rest):
         known = dataclasses.replace(problem.known, rest=np.full_like(problem.known.rest, rest))
-        return Atlas(Features.of(readings), known, problem.searcher.task.prior).answers(readings)[0]
+        return Atlas(Features.of(readings), known, problem.searcher.prior).answers(readings)[0]
 
     without, found = answers(0.0), answers(left_out)
     whole = (1.0 - without.none) / (1.0 - left_out) + without.none

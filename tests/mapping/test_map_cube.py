@@ -31,9 +31,9 @@ FEW = [small.paints()[small.PAINTS.index(name)] for name in small.FEW]
 def _few_searches():
     """In two pieces."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.map_cube._REPRESENTATIVES", (64, 4000))
-        patch.setattr("glazefit.mapping.map_cube._PIECE", 32)
-        patch.setattr("glazefit.mapping.map_cube._CHECKED", (48, 48))
+        patch.setattr("glazefit.mapping.solve.features.REPRESENTATIVES", (64, 4000))
+        patch.setattr("glazefit.mapping.solve.by_paint.PaintSearcher.piece", 32)
+        patch.setattr("glazefit.mapping.solve.survey._CHECKED", (48, 48))
         yield
 
 
@@ -157,7 +157,7 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
         raise AssertionError("a finished window was solved again")
 
     monkeypatch.setattr("glazefit.mapping.solve.solver.PixelSolver.solve", never)
-    monkeypatch.setattr("glazefit.mapping.map_cube.search_for_atlas", never)
+    monkeypatch.setattr("glazefit.mapping.solve.by_paint.PaintSearcher.search", never)
     monkeypatch.setattr("glazefit.mapping.map_cube.agreement", never)
     xarray.testing.assert_equal(map_cube(cube, FEW, out=out, **options), before)
     with refusal(r"other options \(max_paints: 2 there, 3 now\)"):
@@ -199,7 +199,7 @@ def test_a_cluster_gives_the_same_map(made, cube, map_of):
 @pytest.mark.slow
 def test_spectra_far_from_all_others_are_searched(cube, map_of, monkeypatch):
     """A stroke that no sampled line has."""
-    monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)
+    monkeypatch.setattr("glazefit.mapping.solve.survey._LINES", 4)
     spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
     spectra = spectra + 0.001 * np.random.default_rng(1).standard_normal(spectra.shape).astype("f4")
     spectra[10, 20:30] = cube.values[15, 30]

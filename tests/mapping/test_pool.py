@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from glazefit.mapping.solve.pool import ALONG, AROUND, REACH, pooled
-from glazefit.mapping.solve.survey import Features
+from glazefit.mapping.solve.features import ALONG, AROUND, REACH, Features, pooled
 
 SD = 0.004
 

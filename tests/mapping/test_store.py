@@ -15,7 +15,7 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from glazefit import Prior
-from glazefit.mapping.solve.update import Answers
+from glazefit.mapping.solve.answers import Answers
 from glazefit.mapping.store.atomic_files import KeyedResults
 from glazefit.mapping.store.chunk import ChunkMaps, pack
 from glazefit.mapping.store.layout import VARIABLES, Status

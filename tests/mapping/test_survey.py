@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazefit.mapping.solve.survey import Features, spread_out, survey
+from glazefit.mapping.solve.features import Features, choose_representatives, spread_out
 
 
 def distances(points, chosen):
@@ -35,7 +35,7 @@ def test_representatives_stand_in_the_middle_of_what_they_stand_for():
     spectra = (kinds[rng.integers(0, 4, 4000)] + 0.001 * rng.standard_normal((4000, 12))).astype(
         "f4"
     )
-    readings, _ = survey(Features.of(spectra), spectra, 4, 0.1)
+    readings, _ = choose_representatives(Features.of(spectra), spectra, 4, 0.1)
     assert len(readings) == 4
     apart = np.abs(readings[:, None] - kinds).max(axis=-1).min(axis=1)
     assert (apart < 2e-4).all()

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.show.page_sets import share_words
 from glazefit.mapping.show.page_spots import PAINTS, spot_rows
-from glazefit.mapping.solve.survey import Features
+from glazefit.mapping.solve.features import Features
 from glazefit.mapping.solve.unexplained import SPOTS, choose_spots, gather, spot_paints
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.chunk import Unexplained

@@ -259,7 +259,7 @@ def map_(
         options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
     from glazejax.commands.main import start_jax
 
-    from .solve.process import few_arenas
+    from .store.process import few_arenas
 
     few_arenas()
     start_jax(optimisation=3)

@@ -7,60 +7,37 @@ themselves.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import asdict, replace
 from importlib.metadata import version
+from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float, Int
+from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax.progress import Progress, no_progress
 
-from ..film.films import Noise
 from ..film.model.mixing import Pigments
-from ..film.noise import spectra_noise
-from ..identify.families.set_up import prepare_search
 from ..identify.search.options import SearchKeywords, check_keywords
-from ..identify.search.searcher import Searcher
 from .solve.agreement import agreement
-from .solve.atlas import Atlas, search_for_atlas
-from .solve.by_family import Answered, FamilySearcher
-from .solve.image import classify
-from .solve.local import Searched
-from .solve.pool import ALONG, pooled
-from .solve.process import give_back, one_thread_each
+from .solve.atlas import search_atlas
 from .solve.solver import PixelSolver
-from .solve.survey import Features, survey
-from .solve.task import MapTask, map_task
+from .solve.survey import survey
+from .solve.task import map_task
 from .solve.unexplained import choose_spots
-from .store.chunk import ChunkMaps, PixelReadings
+from .store.chunk import ChunkMaps
 from .store.layout import STATUS_WORDS, Status
+from .store.process import one_thread_each
 from .store.run import AT_ONCE, client_in_scope, finish
 from .store.store import MapStore, check_map, open_map
-from .store.windows import BASE, Window, chunk_shape
+from .store.windows import Window, chunk_shape
 
 if TYPE_CHECKING:
     import xarray
     from distributed import Client
 
     from glazejax.io import CubeSource
-
-# Lines in which pixels are sampled.
-_LINES = 96
-# Bytes that the process takes besides representatives and windows: Python, JAX, its programs, a
-# search.
-_BASE = 900 * 2**20
-# Representatives at least and at most.
-_REPRESENTATIVES = (256, 4000)
-# At most where families are searched.
-_OF_FAMILIES = 1500
-# Representatives of one piece of work; a fourth of them in a search by family.
-_PIECE = 128
-# Pixels that are searched themselves, to see what the closed form costs, at most; and at most where
-# there are fewer representatives.
-_CHECKED = (256, 64)
 
 
 def map_cube(
@@ -132,92 +109,71 @@ def map_cube(
         **search,
     )
     progress(0, 1, "reading")
+    searcher = task.searcher
     bands = task.image.bands
-    paints = task.searcher.paints
-    most, base = _most_representatives(task, memory)
+    shape = task.cube.shape[:2]
+    most, base = searcher.representatives(prod(shape), memory)
     count = bands.wavelengths.size
     # Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
     # they come from, of all windows that are solved at once.
-    bytes_each = 4.0 * AT_ONCE * (7 * count + 3 * len(paints) + 250) / count
+    bytes_each = 4.0 * AT_ONCE * (7 * count + 3 * len(searcher.paints) + 250) / count
     store = MapStore.create(
         out,
-        task.shape,
-        chunk_shape(task.shape, count, bytes_each, memory, base=base),
-        paints,
+        shape,
+        chunk_shape(shape, count, bytes_each, memory, base=base),
+        searcher.paints,
         options=task.options,
         attrs={
             "working_wavelengths": bands.wavelengths,
             "bands_of_each": bands.count,
-            "notes": list(task.notes),
+            "notes": list(task.cube.attrs.get("notes", ())),
             "made_by": ", ".join(
                 f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
             ),
         },
-        coords=task.coords,
+        # Numbers along y and x and their attributes.
+        coords={
+            axis: (np.asarray(task.cube[axis]), task.cube[axis].attrs)
+            for axis in ("y", "x")
+            if axis in task.cube.coords
+        },
         overwrite=overwrite,
     )
     client = client or client_in_scope()
     with store.writing(), one_thread_each():
-        surveyed = _survey(store, task, most, progress)
-        task = task.with_noise(Noise(*surveyed.noise.tolist()))
-        atlas = _atlas(store, task, surveyed, client, progress)
-        if "checked" not in store.work.done():
+        work = store.work
+        brightness = searcher.brightness
+        surveyed = survey(work, task.image, most, progress, brightness=brightness)
+        image = replace(task.image, noise=surveyed.noise)
+        noise_sd = image.noise_sd(surveyed.readings)
+        atlas = search_atlas(
+            work, searcher, surveyed.features, surveyed.readings, noise_sd, client, progress
+        )
+        if "checked" not in work.done():
             progress(0, 1, "checking")
-            answers, _ = atlas.answers(surveyed.checked.astype(np.float32))
-            compared = agreement(task, surveyed.checked, answers.columns(task.prior))
-            store.work.put("checked", compared)
-        solver = PixelSolver(task, atlas, reach=float(surveyed.reach))
+            pixels = surveyed.checked
+            answers, _ = atlas.answers(pixels.astype(np.float32))
+            mapped = answers.columns(searcher.prior)
+            work.put("checked", agreement(searcher, pixels, image.noise_sd(pixels), mapped))
+        solver = PixelSolver(image, searcher, atlas, surveyed.reach)
         solve_windows(store, solver.solve, client, progress)
         tallies, _ = store.sums()
+        spots_left = choose_spots(
+            store.unexplained(),
+            searcher.bare,
+            tallies[STATUS_WORDS[Status.MAPPED]],
+            searcher.paints,
+        )
         store.note(
             complete=True,
-            noise=surveyed.noise,
+            noise=[surveyed.noise.floor, surveyed.noise.share],
             representatives=len(surveyed.readings),
-            reach=float(surveyed.reach),
-            agreement={name: value.tolist() for name, value in store.work.get("checked").items()},
+            reach=surveyed.reach,
+            agreement={name: value.tolist() for name, value in work.get("checked").items()},
             tallies=tallies,
-            spots=_spots(store, task, tallies),
+            spots=[asdict(spot) for spot in spots_left],
         )
     return open_map(out)
-
-
-def _spots(store: MapStore, task: MapTask, tallies: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Spectra that no paints explain and that may be paints, as the map's attribute holds them."""
-    bare = np.ones(task.image.bands.wavelengths.size)
-    if task.ground is not None and isinstance(task.searcher, Searcher):
-        nothing = np.zeros(len(bare))
-        search_task = task.searcher.task
-        bare = (
-            np.asarray(search_task.response.body(nothing, nothing, task.ground))
-            + search_task.surface
-        )
-    spots = choose_spots(
-        store.unexplained(),
-        bare,
-        tallies[STATUS_WORDS[Status.MAPPED]],
-        task.searcher.paints,
-    )
-    return [asdict(spot) for spot in spots]
-
-
-@dataclass(frozen=True)
-class _Surveyed:
-    """Results of the survey of a sample of the image, arrays as a file keeps them.
-
-    Attributes:
-        noise: of one reading, floor and share.
-        middle, directions: of the features of spectra.
-        readings: of the representatives.
-        reach: how many times as far as noise and paint's errors reach an answer is taken.
-        checked: pixels by which one sees what the closed form costs.
-    """
-
-    noise: Float[np.ndarray, "2"]
-    middle: Float[np.ndarray, "bands"]
-    directions: Float[np.ndarray, "directions bands"]
-    readings: Float[np.ndarray, "representatives bands"]
-    reach: np.ndarray
-    checked: PixelReadings
 
 
 def solve_windows(
@@ -237,136 +193,3 @@ def solve_windows(
         stage="mapping",
         at_once=AT_ONCE,
     )
-
-
-def _survey(store: MapStore, task: MapTask, most: int, progress: Progress) -> _Surveyed:
-    """The survey of the image: made, or kept by an earlier run."""
-    work = store.work
-    if "survey" not in work.done():
-        sample, ends, noise = _sample(task, progress)
-        sd = task.with_noise(noise).image.noise_sd(sample)
-        status = classify(sample, sd)
-        good = status == Status.MAPPED
-        if not good.any():
-            reasons = (
-                ", ".join(
-                    f"{np.sum(status == s)} {STATUS_WORDS[Status(s)]}" for s in np.unique(status)
-                )
-                or "the mask leaves none"
-            )
-            raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
-        sample[~good] = np.nan
-        by_family = isinstance(task.searcher, FamilySearcher)
-        features = Features.of(np.maximum(sample[good], 0.0), brightness=not by_family)
-        pools = [
-            pooled(line, line_sd, features, (1, len(line)), ALONG)
-            for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
-        ]
-        means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
-        means = np.maximum(means, 0.0)
-        readings, beyond = survey(features, means, most, reach, progress)
-        count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-        result = _Surveyed(
-            noise=np.array([noise.floor, noise.share]),
-            middle=features.middle,
-            directions=features.directions,
-            readings=readings,
-            # Spectra beyond are searched themselves.
-            reach=np.array(1.15 * max(beyond, 1.0)),
-            checked=means[np.linspace(0, len(means) - 1, count).astype(int)],
-        )
-        work.put("survey", vars(result))
-    return _Surveyed(**work.get("survey"))
-
-
-def _sample(
-    task: MapTask, progress: Progress
-) -> tuple[PixelReadings, Int[np.ndarray, "ends"], Noise]:
-    """Readings of pixels from all over the image that the mask leaves, line by line, where a line
-    but the first begins, and the noise of one reading.
-    """
-    image = task.image
-    height, width = task.shape
-    cube = image.cube()
-    stored = np.asarray(cube["wavelength"], float)
-    lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))
-    # Some 60 000 pixels in all.
-    step = max(1, -(-len(lines) * width // 60_000))
-    readings = [np.zeros((0, image.bands.wavelengths.size), np.float32)]
-    rough = []
-    for number, y in enumerate(lines.tolist()):
-        progress(number, len(lines), "reading")
-        use = np.arange(number % step, width, step)
-        if image.mask is not None:
-            use = use[image.mask[y, use]]
-        if not use.size:
-            continue
-        # Whole lines: their numbers lie together in a file.
-        block = cube[y].to_numpy()[use]
-        readings.append(image.bands.means(block, image.saturated))
-        # Some thousand spectra are enough to estimate the noise.
-        fine = block[:: max(1, len(use) * len(lines) // 4000)]
-        rough.append(fine[np.isfinite(fine).all(axis=1)])
-    progress(len(lines), len(lines), "reading")
-    noise = (
-        image.noise
-        if task.options["noise"] is not None or not rough
-        else spectra_noise(stored, np.concatenate(rough).astype(np.float64))
-    )
-    return np.concatenate(readings), np.cumsum([len(line) for line in readings])[1:-1], noise
-
-
-def _atlas(
-    store: MapStore,
-    task: MapTask,
-    surveyed: _Surveyed,
-    client: "Client | None",
-    progress: Progress,
-) -> Atlas:
-    """Representatives, searched piece by piece, here or on a cluster."""
-    work = store.work
-    searcher = task.searcher
-    by_family = isinstance(searcher, FamilySearcher)
-    size = _PIECE // 4 if by_family else _PIECE
-    keys = [f"search-{n:04d}" for n in range(-(-len(surveyed.readings) // size))]
-
-    def note(done: int, total: int | None, stage: str, /) -> None:
-        give_back()
-        progress(done, total, stage)
-
-    if by_family and client is None and {*keys} - work.done():
-        # So that the first spectrum need not wait for it.
-        prepare_search(searcher.wavelengths, searcher.pigments, searcher.options, task.ground, note)
-    search = partial(_search_piece, task, surveyed.readings, size)
-    finish(keys, search, work.done(), work.put, client, note, stage="searching")
-    kind = Answered if by_family else Searched
-    searched = kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return Atlas(Features(surveyed.middle, surveyed.directions), searched, task.prior)
-
-
-def _search_piece(
-    task: MapTask, readings: Float[np.ndarray, "representatives bands"], size: int, key: str
-) -> dict[str, np.ndarray]:
-    """Searches of representatives, by the key of a piece and its size, which is sent along: spectra
-    that are searched in other company are rounded in other places.
-    """
-    first = int(key.rpartition("-")[2]) * size
-    with one_thread_each():
-        return search_for_atlas(task, readings[first : first + size]).arrays()
-
-
-def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
-    """Representatives at most within a bound of the memory, and what the process takes before the
-    first window.
-    """
-    # One for 40 pixels.
-    target = int(np.clip(task.shape[0] * task.shape[1] // 40, *_REPRESENTATIVES))
-    if isinstance(task.searcher, FamilySearcher):
-        # Families differ by more than the distance of two representatives.
-        return min(target, _OF_FAMILIES), BASE + task.searcher.memory
-    bands = task.image.bands.wavelengths.size
-    # Bytes of a representative, with about a dozen candidates.
-    bytes_each = 4 * 12 * (2 * bands**2 + 24 * bands)
-    # A third of what is left; the windows take the rest.
-    most = int(np.clip((memory - _BASE) // 3 // bytes_each, _REPRESENTATIVES[0], target))
-    return most, _BASE + most * bytes_each

@@ -2,16 +2,28 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.progress import Progress
+from glazejax.radiative.common.chunks import pieces_of
+
 from ...film.model.errors import Prior
+from ..store.atomic_files import KeyedResults
+from ..store.run import finish
+from .answers import Answers
 from .by_family import Answered, FamilySearcher
-from .local import Searched, as_measured, search_locally
-from .survey import Features, PerSpectrum, SpectraReadings, nearest
-from .task import MapTask
-from .update import Answers, answers_near
+from .by_paint import PaintSearcher
+from .features import Features, PerSpectrum, SpectraReadings, nearest
+from .local import Searched
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+ImageSearcher: TypeAlias = PaintSearcher | FamilySearcher
+"""Search for paints, or for families of pigments, in the spectra of an image."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +60,47 @@ class Atlas:
         used, first = np.unique(which[order], return_index=True)
         # One after another: so few pixels at a time, two threads would only wait for Python's lock.
         for number, rows in zip(used.tolist(), np.split(order, first)[1:], strict=True):
-            answers.put(rows, answers_near(searched, number, self.prior, readings[rows]))
+            answers.put(rows, searched.answers_near(number, self.prior, readings[rows]))
         return answers, distance
 
 
-def search_for_atlas(task: MapTask, readings: SpectraReadings) -> Searched | Answered:
-    """Search spectra in full; see `search_locally` and `FamilySearcher`."""
-    if isinstance(task.searcher, FamilySearcher):
-        return task.searcher.search(readings, task.ground)
-    measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
-    return search_locally(task.searcher, measured)
+def search_atlas(
+    work: KeyedResults,
+    searcher: ImageSearcher,
+    features: Features,
+    readings: SpectraReadings,
+    noise_sd: SpectraReadings,
+    client: "Client | None",
+    progress: Progress,
+) -> Atlas:
+    """Representatives of an image, searched piece by piece, here or on a cluster.
+
+    Args:
+        work: keeps the pieces, and has those of an earlier run.
+        searcher: of the image's paints.
+        features: by which spectra are compared with the representatives.
+        readings: of the representatives.
+        noise_sd: of these.
+        client: of a dask cluster; None searches here.
+        progress: called as they are searched.
+    """
+    # The same pieces in each run: spectra that are searched in other company are rounded in other
+    # places.
+    spectra = zip(
+        pieces_of(readings, searcher.piece), pieces_of(noise_sd, searcher.piece), strict=True
+    )
+    pieces = {f"search-{number:04d}": piece for number, piece in enumerate(spectra)}
+    keys = [*pieces]
+    if client is None and {*keys} - work.done():
+        searcher.prepare(progress)
+    finish(
+        keys,
+        lambda key: searcher.search(*pieces[key]).arrays(),
+        work.done(),
+        work.put,
+        client,
+        progress,
+        stage="searching",
+    )
+    searched = searcher.kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
+    return Atlas(features, searched, searcher.prior)

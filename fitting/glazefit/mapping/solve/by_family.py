@@ -1,27 +1,34 @@
-"""Families of pigments for the spectra of an image: those that were searched, and the pixels that
-each of them stands for.
-"""
+"""Search for families of pigments in the spectra of an image: each stands for those near it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from glazejax import Pigment
+from glazejax.progress import Progress
 from glazejax.spectra import Bands
 
+from ...film.model.errors import Prior
 from ...film.numerics.columns import Columns
+from ...identify.families.expected import EXPECTED
 from ...identify.families.identify_pigments import identify_families
 from ...identify.families.naming import coloured_first
+from ...identify.families.set_up import prepare_search
 from ...identify.families.templates import most_films
 from ...identify.result import Identification
 from ...identify.result.groups import GROUPS, group_of
 from ...identify.search.options import IdentificationOptions
-from .survey import SpectraReadings
-from .update import Answers
+from ..store.process import give_back
+from ..store.windows import BASE
+from .answers import Answers
+from .features import SpectraReadings, usual_number
 
 # Candidates among which the one that shows a spectrum's first answer is looked for.
 _CANDIDATES = 16
+# Representatives at most: families differ by more than the distance of two of them.
+_REPRESENTATIVES = 1500
 # What a search holds for each film that it compares with, and for each band of that.
 _BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 500, 16
 
@@ -47,13 +54,17 @@ class FamilySearcher:
         wavelengths: of the spectra, (bands,), nm.
         pigments: exemplars, each with a family and a source.
         options: of the search.
-        opaque: the paint hides its ground.
+        ground: internal reflectance, (bands,); None where films hide it.
+        kind, piece, brightness: as of `PaintSearcher`.
     """
 
     wavelengths: Bands
     pigments: tuple[Pigment, ...]
     options: IdentificationOptions
-    opaque: bool
+    ground: Bands | None
+    kind: ClassVar[type[Answered]] = Answered
+    piece: ClassVar[int] = 32
+    brightness: ClassVar[bool] = False
 
     @cached_property
     def paints(self) -> tuple[str, ...]:
@@ -63,34 +74,65 @@ class FamilySearcher:
         return coloured_first([*families, *groups])
 
     @property
-    def memory(self) -> int:
-        """Bytes that a search takes, set up or being set up, at most."""
+    def prior(self) -> Prior:
+        """What was expected."""
+        return self.options.prior or EXPECTED
+
+    @property
+    def bare(self) -> Bands:
+        """Readings of the ground without paint: 1, as where films hide it."""
+        return np.ones(len(self.wavelengths))
+
+    def representatives(self, pixels: int, memory: int) -> tuple[int, int]:
+        """Representatives of an image at most, and what the process takes before the first window
+        at most, bytes; whatever the bound of the memory.
+        """
         films = most_films(
             len(self.pigments),
             len({pigment.family for pigment in self.pigments}),
-            opaque=self.opaque,
+            opaque=self.ground is None,
             mixed=self.options.max_paints > 1,
         )
-        return films * (_BYTES_OF_A_FILM + _BYTES_OF_A_BAND * len(self.wavelengths))
+        search = films * (_BYTES_OF_A_FILM + _BYTES_OF_A_BAND * len(self.wavelengths))
+        return min(usual_number(pixels), _REPRESENTATIVES), BASE + search
+
+    def prepare(self, progress: Progress) -> None:
+        """Set the search up, which the first spectrum would wait for otherwise.
+
+        Args:
+            progress: called as it is set up.
+        """
+
+        def note(done: int, total: int | None, stage: str, /) -> None:
+            give_back()
+            progress(done, total, stage)
+
+        prepare_search(self.wavelengths, self.pigments, self.options, self.ground, note)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.paints)}
 
-    def search(self, readings: SpectraReadings, ground: np.ndarray | None) -> Answered:
+    def answers(
+        self, readings: SpectraReadings, noise_sd: SpectraReadings
+    ) -> dict[str, np.ndarray]:
+        """Answers of the search, by the names of a map's arrays; see `search`."""
+        return self.search(readings, noise_sd).answers.columns(self.prior)
+
+    def search(self, readings: SpectraReadings, noise_sd: SpectraReadings) -> Answered:
         """Search spectra.
 
         Args:
             readings: of the spectra.
-            ground: internal reflectance, (bands,); None where films hide it.
+            noise_sd: of their readings, of which families make nothing.
         """
         chunks = identify_families(
             self.wavelengths,
             np.maximum(readings, 0.0),
             self.pigments,
             replace(self.options, keep=_CANDIDATES),
-            ground=ground,
-            opaque=self.opaque,
+            ground=self.ground,
+            opaque=self.ground is None,
             names=None,
         )
         identification = Identification.join(list(chunks))

@@ -5,8 +5,9 @@ Bands are as fine as the paints are known.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -15,6 +16,7 @@ from glazejax import Pigment
 from glazejax.spectra import Bands, common_range
 
 from ...film.films import Noise
+from ...film.model.mixing import digest
 from ...film.shared_bands import SEARCHED, shared_bands
 from ...identify.families.expected import has_families
 from ..store.chunk import PixelReadings
@@ -159,22 +161,24 @@ class Image:
     Attributes:
         source: opens the image, or is it.
         bands: that are worked with.
-        noise: of one reading of the image.
+        noise: of one reading of the image; None until it is estimated, as if by a bench instrument.
         mask: pixels that are used; None for all.
-        saturated: reading from which the detector was full; infinite if that is not stated.
     """
 
     source: "CubeSource | xarray.DataArray"
     bands: WorkingBands
-    noise: Noise
+    noise: Noise | None
     mask: Bool[np.ndarray, "y x"] | None
-    saturated: float
 
     def cube(self) -> "xarray.DataArray":
         """The lazy image."""
         from glazejax.io import CubeSource
 
         return _open(self.source) if isinstance(self.source, CubeSource) else self.source
+
+    def means(self, block: Float[np.ndarray, "pixels stored"]) -> PixelReadings:
+        """Readings of pixels at the working bands; see `WorkingBands.means`."""
+        return self.bands.means(block, self.cube().attrs.get("saturated", np.inf))
 
     def read(self, window: Window) -> tuple[PixelReadings, np.ndarray]:
         """Readings at the working bands, and what can be done with each pixel, row by row."""
@@ -183,7 +187,7 @@ class Image:
         height = max(1, _VALUES // (cube.shape[2] * window.shape[1]))
         for y in range(window.y0, window.y1, height):
             block = cube[y : min(y + height, window.y1), window.x0 : window.x1].to_numpy()
-            readings.append(self.bands.means(block.reshape(-1, block.shape[-1]), self.saturated))
+            readings.append(self.means(block.reshape(-1, block.shape[-1])))
         spectra = np.concatenate(readings)
         use = None if self.mask is None else self.mask[window.slices].ravel()
         with np.errstate(invalid="ignore"):
@@ -191,10 +195,40 @@ class Image:
 
     def noise_sd(self, readings: BandReadings) -> BandReadings:
         """Standard deviation of the noise of readings at the working bands."""
-        return self.bands.noise_sd(readings, self.noise)
+        return self.bands.noise_sd(readings, self.noise or Noise())
 
 
 @functools.lru_cache(maxsize=4)
 def _open(source: "CubeSource") -> "xarray.DataArray":
     """Once for each process."""
     return source.open()
+
+
+def identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray") -> dict[str, Any]:
+    """Identity of an image: equal for two images that are the same.
+
+    Args:
+        source: opens it, or is it.
+        array: as it was opened.
+    """
+    from glazejax.io import CubeSource
+
+    same = {
+        "shape": list(array.shape),
+        "wavelengths": digest(np.asarray(array["wavelength"], float)),
+    }
+    if not isinstance(source, CubeSource):
+        # Some lines distinguish an image in memory from others.
+        rows = np.linspace(0, array.shape[0] - 1, min(64, array.shape[0])).astype(int)
+        return same | {"some lines": digest(*(array[int(y)].to_numpy() for y in rows))}
+    from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
+
+    settings = asdict(source)
+    # Further files, which calibrate the image.
+    further = {name: path for name, path in settings.items() if isinstance(path, Path)}
+    files = {**further, "path": Path(source.path)}
+    return same | {
+        "source": settings,
+        "hash": {name: quick_source_hash(path) for name, path in files.items()},
+        "time of change": {name: time_of_change(path) for name, path in files.items()},
+    }

@@ -8,33 +8,20 @@ that moves (`glazefit.identify.search.fit`).
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from glazejax.radiative.common.chunks import by_blocks
-
-from ...film.colour_metric import reading_metric
+from ...film.model.errors import Prior
 from ...film.numerics.columns import Columns
-from ...identify.search.fit import prior_terms
-from ...identify.search.pool import NOBODY, Pool
-from ...identify.search.refine import (
-    coefficient_projection,
-    fit_with_errors,
-    slopes_at,
-    slopes_by_amount,
-)
-from ...identify.search.searcher import Searcher
-from ...identify.search.task import Chunk, IdentificationTask, Measured, OverGrounds
-from ...identify.search.unstated_conditions import CONDITIONS, films_under
-from ...identify.search.weigh import Odds, evidence_shares
-from .survey import SpectraReadings
+from ...identify.search.weigh import Misfits, weigh
+from .answers import Answers
+from .features import SpectraReadings
 
-_STEP = 1e-3
-_terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
+# Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
+_FAR = 1.5
 
 
 @dataclass(frozen=True)
@@ -114,221 +101,90 @@ class Searched(Columns):
         ends = np.cumsum([0, *self.kept]).tolist()
         return [slice(*pair) for pair in itertools.pairwise(ends)]
 
+    def answers_near(self, number: int, prior: Prior, readings: SpectraReadings) -> Answers:
+        """Answers for spectra near one representative.
 
-def search_locally(searcher: Searcher, measured: Measured) -> Searched:
-    """Search spectra (`as_measured`) in full, and make what is found linear about each."""
-    pieces = [_local_models(searcher, *piece) for piece in searcher.search(measured)]
-    return Searched.joined(len(pieces), lambda number, name: _single(pieces[number][name]))
-
-
-def as_measured(
-    searcher: Searcher,
-    readings: SpectraReadings,
-    noise_sd: np.ndarray,
-    ground: np.ndarray | None,
-) -> Measured:
-    """Spectra as the search takes them, with noise that is known from the whole image: one spectrum
-    is a poor estimate of it.
-
-    Args:
-        searcher: of the paints.
-        readings: of the spectra.
-        noise_sd: of their readings, the same shape.
-        ground: internal reflectance, (bands,); None where films hide it.
-    """
-    measured = searcher.measure(np.maximum(readings, 0.0), ground)
-    return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
-
-
-def _local_models(
-    searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
-) -> dict[str, np.ndarray]:
-    """Arrays of `Searched` for spectra over one ground: candidates that matter, linear about each
-    spectrum.
-    """
-    # Candidates of little probability are not carried on; only their sum is, and whose paints.
-    share = odds.candidates / odds.candidates.sum(axis=1, keepdims=True)
-    rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
-    # Candidates of a representative that are kept: those with this share of the best explanations,
-    # and so many at most.
-    likely = (share > 3e-4) & (rank < 16)
-    row, column = np.nonzero(likely)
-    present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
-    left_out = np.where(likely, 0.0, share)
-    remainder = left_out.sum(axis=1)
-    rest_evidence = np.where(likely, 0.0, evidence_shares(pool.log_weight)).sum(axis=1)
-    of_rest = left_out / np.maximum(remainder, 1e-12)[:, None]
-    rest_paints = np.einsum("sc,scp->sp", of_rest, present)
-    # A colour difference is a length in this metric, to first order.
-    metric = reading_metric(measured.wavelengths, measured.readings[:, 0])[row]
-    arrays: dict[str, np.ndarray] = {}
-    condition = pool.condition[row, column]
-    brighter = replace(measured, readings=measured.readings + _STEP)
-    # One linearization for all candidates under a condition.
-    for number in np.unique(condition):
-        films, slope = films_under(CONDITIONS[number], searcher.tasks, measured)
-        _, brighter_slope = films_under(CONDITIONS[number], searcher.tasks, brighter)
-        bent = _density_slopes(films.task, slope, brighter_slope)
-        rows = np.flatnonzero(condition == number)
-        models = _linear(films, slope, pool, row[rows], column[rows])
-        models["weight_by"] = bent[row[rows]]
-        for name, values in models.items():
-            room = np.zeros((len(row), *values.shape[1:]), values.dtype)
-            arrays.setdefault(name, room)[rows] = values
-    # How far each candidate is off, as it is seen and with errors of its paints, and how that
-    # moves.
-    at = row, column
-    read = measured.readings[row, 0]
-    fitted = pool.readings[row, column, 0]
-    eye = np.eye(measured.wavelengths.size)
-    arrays["left_by"] = metric @ (eye - arrays["left_by"])
-    return {
-        **arrays,
-        "readings": measured.readings[:, 0],
-        "blur": odds.misfits.noise_delta_e,
-        "rest": remainder,
-        "rest_evidence": rest_evidence,
-        "rest_paints": rest_paints,
-        "kept": likely.sum(axis=1),
-        "members": pool.members[at],
-        "condition": condition,
-        "log_weight": pool.log_weight[at],
-        "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
-        "covariance": pool.covariance[at],
-        "seen": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - fitted), odds.misfits.delta_e[at]
-        ),
-        "seen_by": metric @ (eye - arrays["fitted_by"]),
-        "left": _of_length(
-            np.einsum("ncb,nb->nc", metric, read - pool.adjusted[row, column, 0]),
-            odds.misfits.adjusted_delta_e[at],
-        ),
-        "shape": odds.misfits.residual[at],
-        "fitted": fitted,
-    }
+        Args:
+            number: of the one that is meant.
+            prior: what was expected.
+            readings: of the spectra.
+        """
+        local = self.local.take(self.candidates[number])
+        rest = self.rest[number]
+        count, bands = local.off.shape
+        change = readings - self.readings[number]
+        # All that is linear in the change of the reading, in one product.
+        slopes = [
+            slope.reshape(-1, bands)
+            for slope in (local.off_by, local.logs_by, local.seen_by, local.left_by)
+        ]
+        by = np.concatenate(slopes).T.copy()
+        ends = np.cumsum([len(slope) for slope in slopes])[:-1]
+        off, logs, colours, adjusted_colours = (
+            block.reshape(len(change), count, -1) for block in np.split(change @ by, ends, axis=1)
+        )
+        # Weights of the candidates at the new reading, and their odds.
+        met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+        weight = local.log_weight + change @ local.weight_by.T + met
+        misfits = Misfits(
+            delta_e=np.linalg.norm(local.seen + colours, axis=-1),
+            adjusted_delta_e=np.linalg.norm(local.left + adjusted_colours, axis=-1),
+            residual=np.broadcast_to(local.shape, weight.shape),
+            noise_delta_e=np.full(len(change), self.blur[number]),
+        )
+        odds = weigh(weight, misfits, prior)
+        # Candidates that were left out keep their share, of the evidence and of the odds.
+        kept = odds.candidates * (1.0 - self.rest_evidence[number])
+        total = kept.sum(axis=1) / (1.0 - rest) + odds.none
+        first = np.argmax(kept, axis=1)
+        rows = np.arange(len(change))
+        none = odds.none / total
+        # One product for all spectra of the same first set.
+        amounts = local.amounts[first].copy()
+        fitted = local.fitted[first].copy()
+        for n in np.flatnonzero(np.bincount(first, minlength=count)):
+            group = np.flatnonzero(first == n)
+            amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
+            fitted[group] += change[group] @ local.fitted_by[n].T
+        paints = np.arange(self.rest_paints.shape[1])
+        present = (local.members[..., None] == paints).any(axis=1).astype(np.float32)
+        return Answers(
+            members=local.members[first],
+            condition=local.condition[first],
+            opaque=local.opaque[first],
+            probability=kept[rows, first] / total,
+            none=none,
+            explained=(none < 0.5) & ~odds.rejected[rows, first],
+            paint_probability=(kept / total[:, None]) @ present
+            + (rest * (1.0 - none))[:, None] * self.rest_paints[number],
+            amounts=amounts,
+            covariance=local.covariance[first],
+            misfit=odds.misfit,
+            fitted=fitted,
+        )
 
 
-def _density_slopes(
-    task: IdentificationTask, slope: OverGrounds, brighter_slope: OverGrounds
-) -> Float[np.ndarray, "spectra bands"]:
-    """Slopes of what changes of variables add to a log density; see
-    `glazefit.identify.search.unstated_conditions`.
-    """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        bent = (np.log(brighter_slope) - np.log(slope))[:, 0] / _STEP
-    # Readings darker than the varnish itself have no film below.
-    return task.independent_readings * np.where(np.isfinite(bent), bent, 0.0) / bent.shape[-1]
-
-
-def _single(values: np.ndarray) -> np.ndarray:
-    return values.astype(np.float32) if values.dtype.kind == "f" else values
-
-
-def _of_length(
-    vectors: Float[np.ndarray, "n c"], lengths: Float[np.ndarray, "n"]
-) -> Float[np.ndarray, "n c"]:
-    """Vectors as long as they should be; those of candidates that were not looked at stay as they
-    are.
-    """
-    norms = np.linalg.norm(vectors, axis=-1)
-    usable = np.isfinite(lengths) & (norms > 1e-12)
-    return vectors * np.divide(lengths, norms, out=np.ones_like(norms), where=usable)[:, None]
-
-
-def _linear(
-    chunk: Chunk,
-    slope: OverGrounds,
-    pool: Pool,
-    row: Int[np.ndarray, "n"],
-    column: Int[np.ndarray, "n"],
-) -> dict[str, np.ndarray]:
-    """Slopes of candidates under one condition by the readings that were measured.
+def log_weight_gain(
+    local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
+) -> Float[np.ndarray, "spectra n"]:
+    """Increase of the log weights of candidates over those at their representative; see
+    `glazefit.identify.search.fit`.
 
     Args:
-        chunk, slope: the films under it, and slopes of their readings (`films_under`).
-        pool: candidates of the spectra.
-        row, column: of those under this condition.
+        local: the candidates.
+        off: their whitened residuals.
+        logs: how far their log amounts have moved.
     """
-    task = chunk.task
-    sets = pool.members[row, column]
-    logs, weighed_logs = (
-        np.where(sets == NOBODY, 0.0, amounts[row, column] - np.log(task.prior.thickness))
-        for amounts in (pool.logs, pool.weighed)
-    )
-    weighed_films, groups, errors = fit_with_errors(
-        chunk, row, sets, weighed_logs, pool.log_weight[row, column]
-    )
-    weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
-    shown_slopes = slopes_at(chunk, sets, logs, row)
-    white = errors.basis[groups.of]
-    gradient, prior = _prior_of(task, sets, weighed_films.logs)
-    _, whitened_slopes, data, gain = _follow(weighed_slopes, white, gradient, prior)
-    followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
-    residual = chunk.target[row] - weighed_films.readings
-    # Curvature of the data over that of the prior, for the evidence.
-    root = np.linalg.inv(np.linalg.cholesky(prior))
-    ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
-    # What is shown is fitted with errors of its own: how near it comes to each reading.
-    close = chunk.near_errors.basis[row]
-    by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
-    eye = np.eye(residual.shape[1])
-    # How the reading that is shown moves: the body, and the surface that takes what is left.
-    body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
-    missed = eye - body
-    surface = (np.swapaxes(chunk.shapes, 1, 2) @ chunk.shape_estimator)[row]
-    free = coefficient_projection(chunk, groups.row, groups.sets, groups.slopes)[groups.of]
-    by_measured = slope.reshape(len(chunk), 1, -1)[row]
-    numbers = (task.discrepancy.freedom, min(task.independent_readings, len(eye)))
-    unseen = np.swapaxes(by_measured, 1, 2)
-    return {
-        "opaque": np.full(len(row), task.hides),
-        "amounts_by": shown_gain * by_measured,
-        "off": np.einsum("nib,nb->ni", white, residual),
-        "off_by": (white - followed) * by_measured,
-        "logs_by": gain * by_measured,
-        "gradient": gradient,
-        "hessian": prior,
-        "ratios": ratios,
-        "numbers": np.broadcast_to(numbers, (len(row), 2)),
-        "fitted_by": (body + surface @ missed) * by_measured / unseen,
-        "left_by": (body + free @ missed) * by_measured / unseen,
-    }
-
-
-def _follow(
-    slopes: Float[np.ndarray, "n errors readings"],
-    white: Float[np.ndarray, "n components readings"],
-    gradient: Float[np.ndarray, "n size"],
-    hessian: Float[np.ndarray, "n size size"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, Float[np.ndarray, "n size readings"]]:
-    """Slopes of films' readings by their log amounts, as they are and whitened; the data's
-    curvature; and how the amounts follow the readings (Gauss-Newton).
-
-    Log amounts are held by the prior and by the readings' own curvature. Readings are linear in the
-    amount of a paint of which there is little, so that their second derivative by its logarithm is
-    their first; at the best fit that and the residual make up for the prior's gradient. Without it
-    a trace would move as far as any noise pushes it.
-
-    Args:
-        slopes: of the readings by the log of every paint's k, then s.
-        white: whitens readings.
-        gradient, hessian: of minus the log prior.
-    """
-    by = slopes_by_amount(slopes)
-    whitened = np.einsum("nib,nmb->nmi", white, by)
-    data = whitened @ np.swapaxes(whitened, 1, 2)
-    held = hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(by.shape[1])
-    return by, whitened, data, np.linalg.solve(data + held, whitened @ white)
-
-
-def _prior_of(
-    task: IdentificationTask, sets: Int[np.ndarray, "n size"], logs: Float[np.ndarray, "n size"]
-) -> tuple[Float[np.ndarray, "n size"], Float[np.ndarray, "n size size"]]:
-    """Gradient and Hessian of minus the log prior of films."""
-
-    law = task.prior.spread, task.prior.concentration_sought
-
-    def run(n: Int[np.ndarray, "block"]) -> tuple[jax.Array, jax.Array]:
-        return _terms(logs[n], sets[n] != NOBODY, *law)
-
-    return by_blocks(len(sets), 256, run)
+    freedom = local.numbers[:, 0]
+    degrees = local.numbers.sum(axis=1)
+    before = np.sum(local.off**2, axis=-1)
+    now = np.einsum("snb,snb->sn", off, off)
+    met = -0.5 * degrees * (np.log1p(now / freedom) - np.log1p(before / freedom))
+    # How sharply the data hold the amounts changes with how well all is met.
+    share = degrees / (freedom + now)
+    shared = degrees / (freedom + before)
+    volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
+    # Half a quadratic form and a linear one, by products of each candidate's own matrices.
+    turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)
+    prior = np.einsum("snm,snm->sn", logs, turned + local.gradient)
+    return met - prior - 0.5 * volume.sum(axis=-1)

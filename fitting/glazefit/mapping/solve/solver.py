@@ -8,13 +8,11 @@ from ...identify.search.pool import NOBODY
 from ..store.chunk import ChunkMaps, Members, SetSum, distinct_sets, rms_difference, true_colour
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
-from .atlas import Atlas, search_for_atlas
-from .pool import AROUND, pooled
-from .process import give_back, one_thread_each
-from .survey import PerSpectrum, SpectraReadings, spread_out
-from .task import MapTask
+from .answers import Answers
+from .atlas import Atlas, ImageSearcher
+from .features import AROUND, PerSpectrum, SpectraReadings, pooled, spread_out
+from .image import Image
 from .unexplained import gather
-from .update import Answers
 
 
 @dataclass(frozen=True)
@@ -23,25 +21,21 @@ class PixelSolver:
     window's own.
 
     Attributes:
-        task: of the map, with its noise.
+        image: with its noise.
+        searcher: of its paints.
         atlas: of the representatives.
         reach: how many times as far as noise and paint's errors reach a representative's answer
             is taken.
     """
 
-    task: MapTask
+    image: Image
+    searcher: ImageSearcher
     atlas: Atlas
     reach: float
 
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
-        with one_thread_each():
-            maps = self._map(window)
-        give_back()
-        return maps
-
-    def _map(self, window: Window) -> ChunkMaps:
-        image = self.task.image
+        image = self.image
         readings, status = image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
         spectra = np.maximum(readings[good], 0.0)
@@ -59,7 +53,7 @@ class PixelSolver:
             "true_colour": colours.reshape(*window.shape, 3),
         }
         columns = {
-            **answers.columns(self.task.prior),
+            **answers.columns(self.atlas.prior),
             "rmse": rms_difference(spectra, answers.fitted),
             "way": way,
         }
@@ -95,7 +89,8 @@ class PixelSolver:
             features = self.atlas.features(spectra[far])
             # Spectra of a window that are searched because no representative is near, at most.
             chosen = spread_out(features, 64, reach[far])
-            searched = search_for_atlas(self.task, spectra[far[chosen]])
+            alone = spectra[far[chosen]]
+            searched = self.searcher.search(alone, self.image.noise_sd(alone))
             window_atlas = replace(self.atlas, representatives=searched)
             window_answers, distance = window_atlas.answers(spectra[far])
             better = distance < separation[far]

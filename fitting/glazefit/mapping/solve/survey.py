@@ -1,155 +1,137 @@
-"""Survey of an image: a sample of its pixels, and representatives near all of them."""
+"""Survey of an image: the noise of its readings, and representatives of a sample of its pixels."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from glazejax.progress import Progress, no_progress
-from glazejax.radiative.common.threads import cores
+from glazejax.progress import Progress
 
-from ...identify.search.pool import PerSpectrum
+from ...film.films import Noise
+from ...film.noise import spectra_noise
+from ..store.atomic_files import KeyedResults
+from ..store.chunk import PixelReadings
+from ..store.layout import STATUS_WORDS, Status
+from .features import ALONG, Features, choose_representatives, pooled
+from .image import Image, classify
 
-SpectraReadings: TypeAlias = Float[np.ndarray, "spectra bands"]
-"""Readings of spectra at the working bands: measured, fitted, or their standard deviations."""
-SpectraFeatures: TypeAlias = Float[np.ndarray, "spectra directions"]
-"""Numbers by which spectra are compared (`Features`)."""
+# Lines in which pixels are sampled.
+_LINES = 96
+# Pixels that are searched themselves, to see what the closed form costs, at most; and at most where
+# there are fewer representatives.
+_CHECKED = (256, 64)
 
 
 @dataclass(frozen=True)
-class Features:
-    """Numbers by which spectra are compared: differences of 1 are as large as the errors of paint.
+class Survey:
+    """Results of the survey of a sample of an image.
 
     Attributes:
-        middle: of the logarithms of the sample's readings, (bands,).
-        directions: from the bands to the numbers, (directions, bands).
+        noise: of one reading.
+        features: by which its spectra are compared.
+        readings: of the representatives.
+        reach: how many times as far as noise and paint's errors reach an answer is taken.
+        checked: readings of pixels by which one sees what the closed form costs.
     """
 
-    middle: Float[np.ndarray, "bands"]
-    directions: Float[np.ndarray, "directions bands"]
-
-    @classmethod
-    def of(cls, sample: SpectraReadings, *, brightness: bool = True) -> "Features":
-        """Those in which the spectra of a sample differ most.
-
-        Args:
-            sample: of the spectra.
-            brightness: an equal change of all bands counts in each of them; else it counts once, as
-                light and relief make it.
-        """
-        logs = _logs(sample)
-        middle = logs.mean(axis=0)
-        bands = len(middle)
-        even = np.eye(bands) - (0.0 if brightness else (1.0 - bands**-0.5) / bands)
-        off = (logs - middle) @ even
-        vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
-        # Directions in which spectra are compared.
-        return cls(middle, np.ascontiguousarray(vectors[:, :16].T @ even))
-
-    def __call__(self, readings: SpectraReadings) -> SpectraFeatures:
-        """Features of spectra, single precision."""
-        return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
-
-    def doubt(self, readings: SpectraReadings, sd: SpectraReadings) -> PerSpectrum:
-        """Mean square of the distance by which noise moves spectra.
-
-        Args:
-            readings: of the spectra.
-            sd: of their noise.
-        """
-        slopes = 1.0 / (_SHARE * (np.maximum(readings, 0.0) + _BLACK))
-        return (sd * slopes) ** 2 @ (self.directions**2).sum(axis=0).astype(readings.dtype)
-
-
-# Readings vary by this share where paints do (`ModelError`), and near black by this.
-_SHARE = _BLACK = 0.03
-
-
-def _logs(readings: np.ndarray) -> np.ndarray:
-    return np.log(np.maximum(readings, 0.0) + _BLACK) / _SHARE
-
-
-def nearest(
-    features: SpectraFeatures,
-    centres: Float[np.ndarray, "centres directions"],
-) -> tuple[Int[np.ndarray, "spectra"], PerSpectrum]:
-    """Number of the nearest centre of each spectrum, and how far it is."""
-    from scipy.spatial import KDTree
-
-    # Spectra of paint differ in few directions: a tree looks at some twenty centres of thousands.
-    distance, which = KDTree(centres).query(features, workers=cores())
-    return np.asarray(which), distance.astype(np.float32)
-
-
-def spread_out(
-    features: SpectraFeatures,
-    most: int,
-    reach: "float | Float[np.ndarray, 'spectra']",
-    progress: Progress = no_progress,
-) -> Int[np.ndarray, "chosen"]:
-    """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez
-    1985).
-
-    Args:
-        features: of the spectra.
-        most: spectra at most.
-        reach: no more are taken once all others lie within this, or each within its own.
-        progress: called with spectra taken and their largest number.
-
-    Returns:
-        Numbers of the spectra.
-    """
-    chosen = [int(np.argmax(np.sum((features - features.mean(axis=0)) ** 2, axis=1)))]
-    squares = np.sum((features - features[chosen[0]]) ** 2, axis=1)
-    most = min(most, len(features))
-    while len(chosen) < most and (beyond := squares / reach**2).max() > 1.0:
-        progress(len(chosen), most, "surveying")
-        chosen.append(int(np.argmax(beyond)))
-        squares = np.minimum(squares, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
-    return np.asarray(chosen)
+    noise: Noise
+    features: Features
+    readings: Float[np.ndarray, "representatives bands"]
+    reach: float
+    checked: PixelReadings
 
 
 def survey(
-    features: Features,
-    sample: SpectraReadings,
-    most: int,
-    reach: "float | Float[np.ndarray, 'spectra']",
-    progress: Progress = no_progress,
-) -> tuple[Float[np.ndarray, "representatives bands"], float]:
-    """Representatives of a sample of spectra: spread out, then moved to the middles of what they
-    stand for.
+    work: KeyedResults, image: Image, most: int, progress: Progress, *, brightness: bool
+) -> Survey:
+    """The survey of an image: made, or kept by an earlier run.
 
     Args:
-        features: by which spectra are compared.
-        sample: readings of good pixels.
+        work: keeps it.
+        image: of which a sample is read.
         most: representatives at most.
-        reach: wanted distance of every spectrum to its representative, in standard deviations of
-            paint's errors, or of each.
-        progress: called as they are chosen.
+        progress: called as pixels are read, and representatives chosen.
+        brightness: as for `Features.of`.
 
-    Returns:
-        Their readings, and how many times its reach a spectrum lies from its representative at
-        most.
+    Raises:
+        ValueError: the image has no pixel that can be mapped.
     """
-    progress(0, 1, "surveying")
-    points = features(sample)
-    chosen = spread_out(points, most, reach, progress)
-    centres = points[chosen]
-    which, distance = nearest(points, centres)
-    # Rounds of Lloyd's algorithm.
-    for _ in range(3):
-        centres = group_means(points, which).astype(np.float32)
-        which, distance = nearest(points, centres)
-    progress(len(chosen), len(chosen), "surveying")
-    return group_means(sample, which), float((distance / reach).max())
+    if "survey" not in work.done():
+        work.put("survey", _survey(image, most, progress, brightness=brightness))
+    kept = work.get("survey")
+    return Survey(
+        noise=Noise(*kept["noise"].tolist()),
+        features=Features(kept["middle"], kept["directions"]),
+        readings=kept["readings"],
+        reach=float(kept["reach"]),
+        checked=kept["checked"],
+    )
 
 
-def group_means(
-    values: Float[np.ndarray, "spectra n"], which: Int[np.ndarray, "spectra"]
-) -> Float[np.ndarray, "groups n"]:
-    """Means of the spectra of each number that occurs."""
-    count = np.bincount(which)
-    occupied = count > 0
-    sums = np.column_stack([np.bincount(which, weights=column) for column in values.T])
-    return sums[occupied] / count[occupied, None]
+def _survey(
+    image: Image, most: int, progress: Progress, *, brightness: bool
+) -> dict[str, np.ndarray]:
+    """Arrays of `Survey`, as a file keeps them."""
+    sample, ends, noise = _sample(image, progress)
+    sd = image.bands.noise_sd(sample, noise)
+    status = classify(sample, sd)
+    good = status == Status.MAPPED
+    if not good.any():
+        reasons = (
+            ", ".join(f"{np.sum(status == s)} {STATUS_WORDS[Status(s)]}" for s in np.unique(status))
+            or "the mask leaves none"
+        )
+        raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
+    sample[~good] = np.nan
+    features = Features.of(np.maximum(sample[good], 0.0), brightness=brightness)
+    pools = [
+        pooled(line, line_sd, features, (1, len(line)), ALONG)
+        for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
+    ]
+    means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
+    means = np.maximum(means, 0.0)
+    readings, beyond = choose_representatives(features, means, most, reach, progress)
+    count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
+    return {
+        "noise": np.array([noise.floor, noise.share]),
+        "middle": features.middle,
+        "directions": features.directions,
+        "readings": readings,
+        # Spectra beyond are searched themselves.
+        "reach": np.array(1.15 * max(beyond, 1.0)),
+        "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
+    }
+
+
+def _sample(
+    image: Image, progress: Progress
+) -> tuple[PixelReadings, Int[np.ndarray, "ends"], Noise]:
+    """Readings of pixels from all over the image that the mask leaves, line by line, where a line
+    but the first begins, and the noise of one reading.
+    """
+    cube = image.cube()
+    height, width = cube.shape[:2]
+    lines = np.unique(np.linspace(0, height - 1, min(_LINES, height)).astype(int))
+    # Some 60 000 pixels in all.
+    step = max(1, -(-len(lines) * width // 60_000))
+    readings = [np.zeros((0, image.bands.wavelengths.size), np.float32)]
+    rough = []
+    for number, y in enumerate(lines.tolist()):
+        progress(number, len(lines), "reading")
+        use = np.arange(number % step, width, step)
+        if image.mask is not None:
+            use = use[image.mask[y, use]]
+        if not use.size:
+            continue
+        # Whole lines: their numbers lie together in a file.
+        block = cube[y].to_numpy()[use]
+        readings.append(image.means(block))
+        # Some thousand spectra are enough to estimate the noise.
+        fine = block[:: max(1, len(use) * len(lines) // 4000)]
+        rough.append(fine[np.isfinite(fine).all(axis=1)])
+    progress(len(lines), len(lines), "reading")
+    noise = image.noise
+    if noise is None:
+        stored = np.asarray(cube["wavelength"], float)
+        noise = spectra_noise(stored, np.concatenate(rough).astype(float)) if rough else Noise()
+    return np.concatenate(readings), np.cumsum([len(line) for line in readings])[1:-1], noise

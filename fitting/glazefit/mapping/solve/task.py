@@ -13,14 +13,16 @@ from jaxtyping import ArrayLike, Bool
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import Bands, validate_wavelengths
 
-from ...film.films import Noise, check_ground
+from ...film.films import check_ground
 from ...film.model.errors import ModelError, Prior
 from ...film.model.mixing import Pigments, digest, listed_pigments
 from ...identify.families.expected import EXPECTED, has_families
 from ...identify.search.options import IdentificationOptions, SearchKeywords
 from ...identify.search.searcher import Searcher
+from .atlas import ImageSearcher
 from .by_family import FamilySearcher
-from .image import Image, WorkingBands
+from .by_paint import PaintSearcher
+from .image import Image, WorkingBands, identity
 from .spots import spot_pigment
 
 if TYPE_CHECKING:
@@ -34,29 +36,16 @@ class MapTask:
     """A map that is to be made.
 
     Attributes:
-        image: and its working bands. Its noise is that of a bench instrument until it is
-            estimated.
-        shape: rows and columns.
+        cube: the lazy image.
+        image: how its spectra are worked with.
         searcher: of the paints, or of their families.
-        prior: what was expected.
-        ground: internal reflectance at the working bands; None where films hide it.
         options: all that the map depends on; without noise it is estimated from the image.
-        notes: what the reader of the image noticed.
-        coords: numbers along y and x and their attributes.
     """
 
+    cube: "xarray.DataArray"
     image: Image
-    shape: tuple[int, int]
-    searcher: Searcher | FamilySearcher
-    prior: Prior
-    ground: Bands | None
+    searcher: ImageSearcher
     options: dict[str, Any]
-    notes: tuple[str, ...]
-    coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
-
-    def with_noise(self, noise: Noise) -> "MapTask":
-        """The same with the noise of a reading known."""
-        return replace(self, image=replace(self.image, noise=noise))
 
 
 def map_task(
@@ -106,15 +95,8 @@ def map_task(
         spot_pigment(name, stored, spectrum, catalogue, seen_by)
         for name, spectrum in (spots or {}).items()
     ]
-    # The search, in the bands that the image is averaged to.
+    # Internal reflectance of the ground at the bands that the image is averaged to.
     bands = WorkingBands.of(stored, paints)
-    asked = replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None)
-    searcher = (
-        FamilySearcher(bands.wavelengths, tuple(paints), asked, opaque)
-        if by_family
-        else Searcher.of(bands.wavelengths, paints, asked, opaque=opaque)
-    )
-    # Internal reflectance of the ground at the working bands.
     below = None
     if ground is not None:
         values = np.asarray(ground, float)
@@ -124,11 +106,17 @@ def map_task(
                 f"{stored.size} bands"
             )
         below = np.broadcast_to(values, stored.shape) @ bands.mean
+    asked = replace(chosen, instrument=seen_by, discrepancy=errors, prior=expected, noise=None)
+    searcher = (
+        FamilySearcher(bands.wavelengths, tuple(paints), asked, below)
+        if by_family
+        else PaintSearcher(Searcher.of(bands.wavelengths, paints, asked, opaque=opaque), below)
+    )
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
         "version": 5,
-        "image": _identity(source, array),
+        "image": identity(source, array),
         "catalogue": {p.name: digest(p.absorption, p.scattering) for p in paints},
         "ground": below,
         "mask": None if use is None else digest(use),
@@ -141,26 +129,11 @@ def map_task(
         "elements": [chosen.elements, chosen.without_elements],
         "painted": chosen.painted,
     }
-    coords = {
-        axis: (np.asarray(array[axis]), dict(array[axis].attrs))
-        for axis in ("y", "x")
-        if axis in array.coords
-    }
     return MapTask(
-        image=Image(
-            source=source,
-            bands=bands,
-            noise=noise or Noise(),
-            mask=use,
-            saturated=array.attrs.get("saturated", np.inf),
-        ),
-        shape=shape,
+        cube=array,
+        image=Image(source=source, bands=bands, noise=noise, mask=use),
         searcher=searcher,
-        prior=expected,
-        ground=below,
         options=options,
-        notes=tuple(array.attrs.get("notes", ())),
-        coords=coords,
     )
 
 
@@ -181,28 +154,3 @@ def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
 
 def _pixels(shape: Sequence[int]) -> str:
     return " x ".join(map(str, shape)) + " pixels"
-
-
-def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray") -> dict[str, Any]:
-    """Identity of an image: equal for two images that are the same."""
-    from glazejax.io import CubeSource
-
-    identity = {
-        "shape": list(array.shape),
-        "wavelengths": digest(np.asarray(array["wavelength"], float)),
-    }
-    if not isinstance(source, CubeSource):
-        # Some lines distinguish an image in memory from others.
-        rows = np.linspace(0, array.shape[0] - 1, min(64, array.shape[0])).astype(int)
-        return identity | {"some lines": digest(*(array[int(y)].to_numpy() for y in rows))}
-    from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
-
-    settings = asdict(source)
-    # Further files, which calibrate the image.
-    further = {name: path for name, path in settings.items() if isinstance(path, Path)}
-    files = {**further, "path": Path(source.path)}
-    return identity | {
-        "source": settings,
-        "hash": {name: quick_source_hash(path) for name, path in files.items()},
-        "time of change": {name: time_of_change(path) for name, path in files.items()},
-    }

@@ -19,8 +19,8 @@ from glazejax.geometry import Instrument
 from glazejax.spectra import Bands
 
 from ..store.chunk import Unexplained
+from .features import SpectraFeatures, SpectraReadings, group_means, nearest, spread_out
 from .spots import spot_pigment
-from .survey import SpectraFeatures, SpectraReadings, group_means, nearest, spread_out
 
 SPOTS = 10
 """Spectra that are offered as paints, at most."""

@@ -18,6 +18,8 @@ from distributed import (
     get_worker,
 )
 
+from .process import give_back, one_thread_each
+
 Key = TypeVar("Key")
 Result = TypeVar("Result")
 
@@ -54,7 +56,10 @@ def _do(name: str, key: Any) -> Any:
     """One piece, on a worker."""
     tool = get_worker().plugins[name]
     assert isinstance(tool, _Tool)
-    return tool.work(key)
+    with one_thread_each():
+        result = tool.work(key)
+    give_back()
+    return result
 
 
 def on_cluster(

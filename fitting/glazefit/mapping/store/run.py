@@ -10,6 +10,8 @@ from glazejax.extras import require
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
+from .process import give_back
+
 if TYPE_CHECKING:
     from distributed import Client
 
@@ -112,6 +114,7 @@ def _here(
 
     def solve(key: Key) -> None:
         results[key] = work(key)
+        give_back()
 
     # A result waits only for those of its batch: it takes memory until it is kept.
     for start in range(0, len(todo), at_once):
