@@ -18,7 +18,7 @@ from distributed import (
     get_worker,
 )
 
-from .process import give_back, one_thread_each
+from .process import one_thread_each
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
@@ -57,9 +57,7 @@ def _do(name: str, key: Any) -> Any:
     tool = get_worker().plugins[name]
     assert isinstance(tool, _Tool)
     with one_thread_each():
-        result = tool.work(key)
-    give_back()
-    return result
+        return tool.work(key)
 
 
 def on_cluster(

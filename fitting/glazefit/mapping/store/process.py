@@ -13,8 +13,8 @@ _ARENA_MAX = -8
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Matrix products by one thread each, as in a dask worker, while side by side by several
-    (`in_threads`).
+    """Matrix products by one thread each while work is done, side by side with more of it
+    (`in_threads`) or not; then memory is given back.
 
     A BLAS that shares a product among threads rounds it in other places; where two representatives
     are as near, or two sets as probable, a pixel's answer would hang on the number of threads.
@@ -24,6 +24,7 @@ def one_thread_each() -> Iterator[None]:
 
     with threadpool_limits(1, "blas"):
         yield
+    give_back()
 
 
 def give_back() -> None:

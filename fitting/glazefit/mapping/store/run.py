@@ -10,7 +10,7 @@ from glazejax.extras import require
 from glazejax.progress import Progress, no_progress
 from glazejax.radiative.common.threads import in_threads
 
-from .process import give_back
+from .process import one_thread_each
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -113,8 +113,8 @@ def _here(
     results: dict[Key, Result] = {}
 
     def solve(key: Key) -> None:
-        results[key] = work(key)
-        give_back()
+        with one_thread_each():
+            results[key] = work(key)
 
     # A result waits only for those of its batch: it takes memory until it is kept.
     for start in range(0, len(todo), at_once):
