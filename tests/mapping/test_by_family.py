@@ -167,7 +167,7 @@ def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):
     for shelf in (paints, other):
         search = FamilySearcher(GRID, tuple(shelf.values()), asked, None)
         reading = cube.to_numpy()[1, :1]
-        answers = search.search(reading, np.full_like(reading, 0.003)).answers
+        answers = search.search(reading, np.full_like(reading, 0.003))
         named.append(search.paints[answers.members[0, 0]])
     assert named == ["vermilion", "azurite"]
 

@@ -14,7 +14,7 @@ from ...film.model.errors import Prior
 from ..store.atomic_files import KeyedResults
 from ..store.run import finish
 from .answers import Answers
-from .by_family import Answered, FamilySearcher
+from .by_family import FamilySearcher
 from .by_paint import PaintSearcher
 from .features import Features, PerSpectrum, SpectraReadings, nearest
 from .local import Searched
@@ -32,18 +32,20 @@ class Atlas:
 
     Attributes:
         features: by which spectra are compared with them.
-        representatives: readings and candidates, or answers.
+        readings: of the representatives, single precision.
+        searched: their candidates, or answers.
         prior: what was expected.
     """
 
     features: Features
-    representatives: Searched | Answered
+    readings: Float[np.ndarray, "representatives bands"]
+    searched: Searched | Answers
     prior: Prior
 
     @cached_property
     def centres(self) -> Float[np.ndarray, "representatives directions"]:
         """Features of the representatives."""
-        return self.features(self.representatives.readings)
+        return self.features(self.readings)
 
     def answers(self, readings: SpectraReadings) -> tuple[Answers, PerSpectrum]:
         """Answers for spectra, and the distance of each from its representative.
@@ -51,16 +53,17 @@ class Atlas:
         Families have the answer of the representative: paints of one family are far more apart
         than a spectrum is from it. A map's agreement says what that costs.
         """
-        searched = self.representatives
+        searched = self.searched
         which, distance = nearest(self.features(readings), self.centres)
-        if isinstance(searched, Answered):
-            return searched.answers.take(which), distance
+        if isinstance(searched, Answers):
+            return searched.take(which), distance
         answers = Answers.empty(len(readings), searched.rest_paints.shape[1], readings.shape[1])
         order = np.argsort(which, kind="stable")
         used, first = np.unique(which[order], return_index=True)
         # One after another: so few pixels at a time, two threads would only wait for Python's lock.
         for number, rows in zip(used.tolist(), np.split(order, first)[1:], strict=True):
-            answers.put(rows, searched.answers_near(number, self.prior, readings[rows]))
+            change = readings[rows] - self.readings[number]
+            answers.put(rows, searched.answers_near(number, self.prior, change))
         return answers, distance
 
 
@@ -103,4 +106,4 @@ def search_atlas(
         stage="searching",
     )
     searched = searcher.kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return Atlas(features, searched, searcher.prior)
+    return Atlas(features, readings.astype(np.float32), searched, searcher.prior)

@@ -11,7 +11,6 @@ from glazejax.progress import Progress
 from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
-from ...film.numerics.columns import Columns
 from ...identify.families.expected import EXPECTED
 from ...identify.families.identify_pigments import identify_families
 from ...identify.families.naming import coloured_first
@@ -34,19 +33,6 @@ _BYTES_OF_A_FILM, _BYTES_OF_A_BAND = 500, 16
 
 
 @dataclass(frozen=True)
-class Answered(Columns):
-    """Spectra that were searched, and the answer to each.
-
-    Attributes:
-        readings: (spectra, bands).
-        answers: of each.
-    """
-
-    readings: SpectraReadings
-    answers: Answers
-
-
-@dataclass(frozen=True)
 class FamilySearcher:
     """Search for families of pigments in the spectra of an image.
 
@@ -62,7 +48,7 @@ class FamilySearcher:
     pigments: tuple[Pigment, ...]
     options: IdentificationOptions
     ground: Bands | None
-    kind: ClassVar[type[Answered]] = Answered
+    kind: ClassVar[type[Answers]] = Answers
     piece: ClassVar[int] = 32
     brightness: ClassVar[bool] = False
 
@@ -117,9 +103,9 @@ class FamilySearcher:
         self, readings: SpectraReadings, noise_sd: SpectraReadings
     ) -> dict[str, np.ndarray]:
         """Answers of the search, by the names of a map's arrays; see `search`."""
-        return self.search(readings, noise_sd).answers.columns(self.prior)
+        return self.search(readings, noise_sd).columns(self.prior)
 
-    def search(self, readings: SpectraReadings, noise_sd: SpectraReadings) -> Answered:
+    def search(self, readings: SpectraReadings, noise_sd: SpectraReadings) -> Answers:
         """Search spectra.
 
         Args:
@@ -144,7 +130,7 @@ class FamilySearcher:
         answers.paint_probability[:] = 0.0
         for row in range(len(identification)):
             self._fill(answers, identification, row)
-        return Answered(np.asarray(readings, np.float32), answers)
+        return answers
 
     def _fill(self, answers: Answers, identification: Identification, row: int) -> None:
         """Write the first answer of one spectrum, and how probable each family is."""

@@ -178,7 +178,6 @@ def _local_models(
     arrays["left_by"] = metric @ (eye - arrays["left_by"])
     return {
         **arrays,
-        "readings": measured.readings[:, 0],
         "blur": odds.misfits.noise_delta_e,
         "rest": remainder,
         "rest_evidence": rest_evidence,

@@ -78,7 +78,6 @@ class Searched(Columns):
     """Representatives that were searched, and their candidates.
 
     Attributes:
-        readings: (representatives, bands).
         blur: Delta E00 that noise alone makes.
         rest: share of the candidates' odds that those left out have,
         rest_evidence: and of their evidence, before misfits count;
@@ -87,7 +86,6 @@ class Searched(Columns):
         local: these candidates, one representative's after another's.
     """
 
-    readings: Float[np.ndarray, "representatives bands"]
     blur: Float[np.ndarray, "representatives"]
     rest: Float[np.ndarray, "representatives"]
     rest_evidence: Float[np.ndarray, "representatives"]
@@ -101,18 +99,17 @@ class Searched(Columns):
         ends = np.cumsum([0, *self.kept]).tolist()
         return [slice(*pair) for pair in itertools.pairwise(ends)]
 
-    def answers_near(self, number: int, prior: Prior, readings: SpectraReadings) -> Answers:
+    def answers_near(self, number: int, prior: Prior, change: SpectraReadings) -> Answers:
         """Answers for spectra near one representative.
 
         Args:
             number: of the one that is meant.
             prior: what was expected.
-            readings: of the spectra.
+            change: of the spectra's readings from the representative's.
         """
         local = self.local.take(self.candidates[number])
         rest = self.rest[number]
         count, bands = local.off.shape
-        change = readings - self.readings[number]
         # All that is linear in the change of the reading, in one product.
         slopes = [
             slope.reshape(-1, bands)

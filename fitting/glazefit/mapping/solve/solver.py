@@ -91,7 +91,7 @@ class PixelSolver:
             chosen = spread_out(features, 64, reach[far])
             alone = spectra[far[chosen]]
             searched = self.searcher.search(alone, self.image.noise_sd(alone))
-            window_atlas = replace(self.atlas, representatives=searched)
+            window_atlas = replace(self.atlas, readings=alone, searched=searched)
             window_answers, distance = window_atlas.answers(spectra[far])
             better = distance < separation[far]
             answers.put(far[better], window_answers.take(better))
