@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -24,13 +25,18 @@ from glazejax.extras import require
 
 from .atomic_files import KeyedResults, explain_full_disk
 from .chunk import ChunkMaps, Members, SetSum, Unexplained, pack, unpack
-from .create import FORMAT, WORK, lay_out, plain
-from .layout import BY_NAME, VARIABLES, Variable
+from .layout import BY_NAME, PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 from .lock import hold
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
+
+FORMAT = 5
+"""Version of the format, in the attribute `glazejax` of a map."""
+
+WORK = ".glazejax"
+"""Folder within a map that holds what a run needs to go on."""
 
 # End of an error of a damaged window.
 _FIX = "; run the same `glazejax map` again, which maps the window once more"
@@ -123,6 +129,8 @@ class MapStore:
             OSError: the disk is full.
         """
         require("zarr")
+        import zarr
+
         path = Path(path)
         requested = plain({**options, "shape": shape, "paints": paints})
         check_map(path, overwrite=overwrite)
@@ -143,15 +151,17 @@ class MapStore:
                 for leftover in (new, old):
                     shutil.rmtree(leftover, ignore_errors=True)
                 with explain_full_disk(path, lambda: "nothing of the map was begun"):
-                    lay_out(
-                        new,
-                        shape=shape,
-                        chunk=chunk,
-                        paints=paints,
-                        options=requested,
-                        attrs=attrs or {},
-                        coords=coords or {},
-                    )
+                    about = {"format": FORMAT, "run": uuid4().hex, "shape": shape, "chunk": chunk}
+                    attributes = {
+                        "Conventions": "CF-1.11",
+                        **(attrs or {}),
+                        "paints": paints,
+                        "options": requested,
+                        "glazejax": about,
+                    }
+                    zarr.create_group(new, attributes=plain(attributes))
+                    (new / WORK).mkdir()
+                    cls(new)._lay_out(coords or {})
                     if path.exists():
                         path.replace(old)
                     new.replace(path)
@@ -159,6 +169,50 @@ class MapStore:
                 for leftover in (new, old):
                     shutil.rmtree(leftover, ignore_errors=True)
         return cls(path)
+
+    def _lay_out(self, coords: Mapping[str, tuple[np.ndarray, Mapping[str, Any]]]) -> None:
+        """Write the arrays of a new map, all fill, and its coordinates; see `create`."""
+        import zarr
+        from zarr.codecs import BloscCodec, Crc32cCodec
+
+        group = zarr.open_group(self.path, mode="r+")
+        packed = [BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"), Crc32cCodec()]
+        sizes = {"paint": len(self.paints), "place": PLACES, "rgb": 3}
+        for variable in VARIABLES:
+            further = [sizes[name] for name in variable.further]
+            group.create_array(
+                variable.name,
+                shape=(*self.shape, *further),
+                chunks=(*self.chunk, *further),
+                dtype=variable.dtype,
+                fill_value=variable.fill,
+                compressors=packed,
+                dimension_names=["y", "x", *variable.further],
+                attributes=_words(variable, self.paints),
+            )
+        for name, length in zip(("y", "x"), self.shape, strict=True):
+            values, attributes = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
+            group.create_array(
+                name,
+                data=np.asarray(values),
+                compressors=packed,
+                dimension_names=[name],
+                attributes=plain(attributes),
+            )
+        names = group.create_array(
+            "paint",
+            shape=(len(self.paints),),
+            chunks=(max(len(self.paints), 1),),
+            dtype=str,
+            compressors=packed,
+            dimension_names=["paint"],
+        )
+        names[:] = np.array([*self.paints], dtype=object)
+        with warnings.catch_warnings():
+            # zarr warns that others may not know this list of arrays; without it readers complain
+            # of the folder that is no array.
+            warnings.simplefilter("ignore")
+            zarr.consolidate_metadata(group.store)
 
     def windows(self) -> list[Window]:
         """All windows, row by row."""
@@ -370,6 +424,47 @@ def check_map(path: str | Path, *, overwrite: bool) -> None:
 def is_map(path: Path) -> bool:
     """True for a folder that holds a map of glazejax, whole or damaged."""
     return (path / WORK).is_dir() and (path / "zarr.json").is_file()
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as
+    text.
+
+    Raises:
+        TypeError: something that JSON has not.
+    """
+    return json.loads(json.dumps(value, default=_plainer), parse_constant=str)
+
+
+def _plainer(value: Any) -> Any:
+    """A value that JSON lacks, as one that it has."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{value!r} cannot be kept as an attribute")
+
+
+def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
+    """Attributes of an array, by the conventions CF; numbers that stand for words have a legend."""
+    # It loads JAX, which wrong options need not wait for.
+    from ...identify.search.unstated_conditions import CONDITIONS
+
+    attributes: dict[str, Any] = {"long_name": variable.meaning}
+    if variable.unit:
+        attributes["units"] = variable.unit
+    legends: dict[str, dict[int, str]] = {
+        "status": {int(flag): text for flag, text in STATUS_WORDS.items()},
+        "way": {int(flag): flag.name.lower() for flag in Way},
+        "members": {-1: "none", **dict(enumerate(paints))},
+        "condition": {
+            number: condition.words or "as stated" for number, condition in enumerate(CONDITIONS)
+        },
+    }
+    if legend := legends.get(variable.name):
+        attributes["flag_values"] = list(legend)
+        attributes["flag_meanings"] = " ".join("_".join(text.split()) for text in legend.values())
+    return attributes
 
 
 def _damaged(path: Path, subject: str) -> ValueError:
