@@ -36,7 +36,7 @@ class Problem:
     @property
     def atlas(self):
         features = Features.of(self.readings)
-        return Atlas(features, self.readings.astype("f4"), self.known, self.searcher.prior)
+        return Atlas(features, self.readings.astype("f4"), self.known, self.searcher)
 
     @functools.cached_property
     def found(self):
@@ -115,8 +115,8 @@ def test_candidates_that_were_left_out_keep_their_share(problem):
 
     def answers(rest):
         known = dataclasses.replace(problem.known, rest=np.full_like(problem.known.rest, rest))
-        prior = problem.searcher.prior
-        return Atlas(Features.of(readings), readings, known, prior).answers(readings)[0]
+        atlas = Atlas(Features.of(readings), readings, known, problem.searcher)
+        return atlas.answers(readings)[0]
 
     without, found = answers(0.0), answers(left_out)
     whole = (1.0 - without.none) / (1.0 - left_out) + without.none

@@ -155,7 +155,7 @@ def map_cube(
             answers, _ = atlas.answers(pixels.astype(np.float32))
             mapped = answers.columns(searcher.prior)
             work.put("checked", agreement(searcher, pixels, image.noise_sd(pixels), mapped))
-        solver = PixelSolver(image, searcher, atlas, surveyed.reach)
+        solver = PixelSolver(image, atlas, surveyed.reach)
         solve_windows(store, solver.solve, client, progress)
         tallies, _ = store.sums()
         spots_left = choose_spots(

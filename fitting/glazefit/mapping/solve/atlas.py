@@ -10,7 +10,6 @@ from jaxtyping import Float
 from glazejax.progress import Progress
 from glazejax.radiative.common.chunks import pieces_of
 
-from ...film.model.errors import Prior
 from ..store.atomic_files import KeyedResults
 from ..store.run import finish
 from .answers import Answers
@@ -34,13 +33,13 @@ class Atlas:
         features: by which spectra are compared with them.
         readings: of the representatives, single precision.
         searched: their candidates, or answers.
-        prior: what was expected.
+        searcher: that they were searched by.
     """
 
     features: Features
     readings: Float[np.ndarray, "representatives bands"]
     searched: Searched | Answers
-    prior: Prior
+    searcher: ImageSearcher
 
     @cached_property
     def centres(self) -> Float[np.ndarray, "representatives directions"]:
@@ -63,7 +62,7 @@ class Atlas:
         # One after another: so few pixels at a time, two threads would only wait for Python's lock.
         for number, rows in zip(used.tolist(), np.split(order, first)[1:], strict=True):
             change = readings[rows] - self.readings[number]
-            answers.put(rows, searched.answers_near(number, self.prior, change))
+            answers.put(rows, searched.answers_near(number, self.searcher.prior, change))
         return answers, distance
 
 
@@ -106,4 +105,4 @@ def search_atlas(
         stage="searching",
     )
     searched = searcher.kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return Atlas(features, readings.astype(np.float32), searched, searcher.prior)
+    return Atlas(features, readings.astype(np.float32), searched, searcher)

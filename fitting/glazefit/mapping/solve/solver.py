@@ -9,7 +9,7 @@ from ..store.chunk import ChunkMaps, Members, SetSum, distinct_sets, rms_differe
 from ..store.layout import BY_NAME, STATUS_WORDS, Status, Way
 from ..store.windows import Window
 from .answers import Answers
-from .atlas import Atlas, ImageSearcher
+from .atlas import Atlas
 from .features import AROUND, PerSpectrum, SpectraReadings, pooled, spread_out
 from .image import Image
 from .unexplained import gather
@@ -22,14 +22,12 @@ class PixelSolver:
 
     Attributes:
         image: with its noise.
-        searcher: of its paints.
         atlas: of the representatives.
         reach: how many times as far as noise and paint's errors reach a representative's answer
             is taken.
     """
 
     image: Image
-    searcher: ImageSearcher
     atlas: Atlas
     reach: float
 
@@ -53,7 +51,7 @@ class PixelSolver:
             "true_colour": colours.reshape(*window.shape, 3),
         }
         columns = {
-            **answers.columns(self.atlas.prior),
+            **answers.columns(self.atlas.searcher.prior),
             "rmse": rms_difference(spectra, answers.fitted),
             "way": way,
         }
@@ -90,7 +88,7 @@ class PixelSolver:
             # Spectra of a window that are searched because no representative is near, at most.
             chosen = spread_out(features, 64, reach[far])
             alone = spectra[far[chosen]]
-            searched = self.searcher.search(alone, self.image.noise_sd(alone))
+            searched = self.atlas.searcher.search(alone, self.image.noise_sd(alone))
             window_atlas = replace(self.atlas, readings=alone, searched=searched)
             window_answers, distance = window_atlas.answers(spectra[far])
             better = distance < separation[far]
