@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazefit.mapping.show.page_sets import share_words
 from glazefit.mapping.show.page_spots import PAINTS, spot_rows
 from glazefit.mapping.solve.features import Features
-from glazefit.mapping.solve.unexplained import SPOTS, choose_spots, gather, spot_paints
+from glazefit.mapping.solve.spots import SPOTS, choose_spots, gather, spot_pigment
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.chunk import Unexplained
 from glazefit.page.templates import fill_template
@@ -58,9 +58,9 @@ def test_each_paint_is_offered_pure(unexplained, monkeypatch):
     found, words = unexplained
     spots = choose_spots(found, BARE, len(words), paint_names=["Spot2"])
     assert len(spots) <= SPOTS
-    assert [spot.name for spot in spots[:2]] == ["Spot1", "Spot3"]
-    assert {words[spot.place[0]] for spot in spots} >= set(FOREIGN)
-    monkeypatch.setattr("glazefit.mapping.solve.unexplained.SPOTS", 2)
+    assert [spot["name"] for spot in spots[:2]] == ["Spot1", "Spot3"]
+    assert {words[spot["place"][0]] for spot in spots} >= set(FOREIGN)
+    monkeypatch.setattr("glazefit.mapping.solve.spots.SPOTS", 2)
     assert len(choose_spots(found, BARE, len(words))) == 2
 
 
@@ -95,15 +95,13 @@ def test_spots_are_files_that_a_second_map_reads(tmp_path):
 
 
 def test_the_page_says_how_to_add_each(unexplained):
-    from dataclasses import asdict
-
     found, words = unexplained
     spots = choose_spots(found, BARE, len(words))
-    page = _fill(list(spot_rows([asdict(spot) for spot in spots], GRID)))
+    page = _fill(list(spot_rows(spots, GRID)))
     said = html.unescape(re.sub(r"<[^>]*>", " ", page))
     assert said.count("Add this as a paint") == len(spots)
     assert page.count("<svg") == len(spots)
-    names = [spot.name for spot in spots]
+    names = [spot["name"] for spot in spots]
     assert f"--pigments paints_with_spots.csv --without {','.join(names[1:])}" in said
     assert _fill([]).strip() == ""
 
@@ -115,12 +113,7 @@ def _fill(rows):
 
 
 def test_paints_of_spots_carry_that_scattering_is_not_told():
-    made = spot_paints(
-        {"Spot1": np.full(GRID.size, 0.3)},
-        GRID,
-        (400.0, 700.0),
-        small.paints(),
-        resolve_instrument("d:8"),
-    )[0]
+    reading = np.full(GRID.size, 0.3)
+    made = spot_pigment("Spot1", GRID, reading, small.paints(), resolve_instrument("d:8"))
     share = np.asarray(made.scattering_sd) / np.asarray(made.scattering)
     assert (share > 0.3).all()

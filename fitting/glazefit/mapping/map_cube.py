@@ -7,7 +7,7 @@ themselves.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.metadata import version
 from math import prod
 from pathlib import Path
@@ -23,9 +23,9 @@ from ..identify.search.options import SearchKeywords, check_keywords
 from .solve.agreement import agreement
 from .solve.atlas import search_atlas
 from .solve.solver import PixelSolver
+from .solve.spots import choose_spots
 from .solve.survey import survey
 from .solve.task import map_task
-from .solve.unexplained import choose_spots
 from .store.chunk import ChunkMaps
 from .store.layout import STATUS_WORDS, Status
 from .store.process import one_thread_each
@@ -158,12 +158,7 @@ def map_cube(
         solver = PixelSolver(image, atlas, surveyed.reach)
         solve_windows(store, solver.solve, client, progress)
         tallies, _ = store.sums()
-        spots_left = choose_spots(
-            store.unexplained(),
-            searcher.bare,
-            tallies[STATUS_WORDS[Status.MAPPED]],
-            searcher.paints,
-        )
+        mapped_pixels = tallies[STATUS_WORDS[Status.MAPPED]]
         store.note(
             complete=True,
             noise=[surveyed.noise.floor, surveyed.noise.share],
@@ -171,7 +166,7 @@ def map_cube(
             reach=surveyed.reach,
             agreement={name: value.tolist() for name, value in work.get("checked").items()},
             tallies=tallies,
-            spots=[asdict(spot) for spot in spots_left],
+            spots=choose_spots(store.unexplained(), searcher.bare, mapped_pixels, searcher.paints),
         )
     return open_map(out)
 

@@ -17,7 +17,7 @@ from glazejax.spectra import common_range
 
 from ..identify.families.expected import has_families
 from .show.page_spots import PAINTS, REFERENCES, SPECTRA
-from .solve.unexplained import spot_paints
+from .solve.spots import spot_pigment
 
 if TYPE_CHECKING:
     import xarray
@@ -61,8 +61,15 @@ def write_spots(
     files = [folder / SPECTRA, folder / PAINTS]
     rows = [[nm, *(reading[n] for reading in spots.values())] for n, nm in enumerate(bands)]
     write_table(files[0], ["wavelength_nm", *spots], rows, overwrite=overwrite)
-    ends = common_range([grid, *(p.wavelengths for p in paints)])
-    additions = spot_paints(spots, bands, ends, paints, instrument)
+    # As wide as the image: beyond the outermost readings k and s go on as there.
+    first, last = common_range([grid, *(p.wavelengths for p in paints)])
+    wide = np.unique(np.clip([first, *bands, last], first, last))
+    additions = []
+    for name, reading in spots.items():
+        # No hiding paint reads less than its surface, or more than all light.
+        possible = np.clip(reading, instrument.seen_surface, 1.0)
+        spectrum = np.interp(wide, bands, possible)
+        additions.append(spot_pigment(name, wide, spectrum, paints, instrument))
     comments = [
         f"glazejax map: the paints that were tried, and {', '.join(spots)}: spectra that none of "
         "them explains, taken as thick paint; s is the median of the others."

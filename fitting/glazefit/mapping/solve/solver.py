@@ -12,7 +12,7 @@ from .answers import Answers
 from .atlas import Atlas
 from .features import AROUND, PerSpectrum, SpectraReadings, pooled, spread_out
 from .image import Image
-from .unexplained import gather
+from .spots import gather
 
 
 @dataclass(frozen=True)
