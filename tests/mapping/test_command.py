@@ -149,6 +149,7 @@ def mapped(monkeypatch) -> list[dict]:
                 stops()
 
         run_chunks(store, Halves(len(names)), client, note)
+        store.note(tallies=store.sums()[0])
         return open_map(out)
 
     monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", map_cube)

@@ -45,9 +45,9 @@ def made():
 @pytest.fixture(scope="module")
 def report(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    dataset, tallies, sets = made
+    dataset, sets = made
     cube = small.image(painting((64, 96), seed=2).rows(0, 64), GRID)
-    return write_report(dataset, tallies, sets, ABOUT, folder, cube=cube)
+    return write_report(dataset, sets, ABOUT, folder, cube=cube)
 
 
 def report_of(*map_and_about, **facts):
@@ -58,19 +58,25 @@ def report_of(*map_and_about, **facts):
 
 @pytest.fixture(scope="module")
 def part(made, tmp_path_factory):
-    """A map that is not finished, whose columns were answered in two ways, and its report without
-    the pictures beside it.
+    """A map of its upper part, whose columns were answered in two ways, and its report without the
+    pictures beside it.
     """
-    dataset, tallies, sets = made
+    dataset, sets = made
     part = dataset.copy(deep=True)
-    part["status"][20:] = Status.UNDONE
+    part["status"][20:] = Status.DARK
     part["way"][:, ::2] = Way.NEIGHBOUR
     left = float(np.sum(part["status"].values == Status.MAPPED))
-    tallies = {"mapped": left, "left out by the mask": 3.0 * 96, "way neighbour": left / 2}
+    dark = 44.0 * 96
+    part.attrs["tallies"] = {
+        "mapped": left,
+        "left out by the mask": 3.0 * 96,
+        "too dark": dark,
+        "way neighbour": left / 2,
+    }
     names = [EVIL if name == "LeadWhite" else name for name in part["paint"].values]
     part = part.assign_coords(paint=names)
     about = replace(ABOUT, notes=())
-    return part, report_of(part, tallies, sets, about, tmp_path_factory.mktemp("part"))
+    return part, report_of(part, sets, about, tmp_path_factory.mktemp("part"))
 
 
 def words(page):
@@ -103,7 +109,6 @@ def test_what_was_said_about_the_map_stands_on_the_page(report):
         "solved once",
         "97.5 % of 2,000 pixels",
         "A band was dead.",
-        "Readings 93,312 Searches 812",
         "96 × 64 pixels, 0.0625 mm² each",
         "Left out by the mask 288",
     ):
@@ -111,7 +116,7 @@ def test_what_was_said_about_the_map_stands_on_the_page(report):
 
 
 def test_sets_stand_with_their_shares_of_the_area(made, report):
-    dataset, _, sets = made
+    dataset, sets = made
     page = report.read_text(encoding="utf-8")
     table = page[page.index('<table id="sets">') :]
     rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
@@ -136,7 +141,7 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
 @pytest.fixture(scope="module")
 def by_family(made, tmp_path_factory):
     """The map with what is to be said of it as of a map by family, and its report."""
-    dataset, tallies, sets = made
+    dataset, sets = made
     pigment = {
         "family": "azurite",
         "share": 1.0,
@@ -152,11 +157,11 @@ def by_family(made, tmp_path_factory):
     }
     facts = {members: {"pigments": [pigment], "film": film} for members in sets if members}
     folder = tmp_path_factory.mktemp("by_family")
-    return report_of(dataset, tallies, sets, ABOUT, folder, facts=facts)
+    return report_of(dataset, sets, ABOUT, folder, facts=facts)
 
 
 def test_families_stand_with_formula_years_and_nearest_exemplars(made, by_family):
-    *_, sets = made
+    _, sets = made
     said = words(by_family.read_text(encoding="utf-8"))
     for each in (
         "azurite: 2CuCO3·Cu(OH)2, antiquity- (not of 1990: azurite)",
@@ -181,7 +186,7 @@ def test_sets_of_less_than_a_hundredth_are_summed():
 
 def test_other_programs_open_the_sets_as_classes(made, by_family):
     envi = pytest.importorskip("spectral.io.envi")
-    dataset, _, sets = made
+    dataset, sets = made
     image = envi.open(by_family.with_name("classes.hdr"))
     classes = np.asarray(image.load())[..., 0].astype(int)
     names = image.metadata["class names"]
@@ -241,16 +246,14 @@ def test_a_file_that_is_there_is_replaced_only_if_asked_for(made, report, tmp_pa
         assert file.read_bytes() == before
 
 
-def test_a_map_that_is_not_finished_or_empty_says_so(part, tmp_path):
+def test_what_was_not_mapped_is_said(part, tmp_path):
     dataset, report = part
-    page = report.read_text(encoding="utf-8")
-    assert "Not finished" in page
-    assert "68.8 % of the map is not done yet" in words(page)
+    assert "Too dark 4,224 68.8 %" in words(report.read_text(encoding="utf-8"))
     dark = dataset.copy(deep=True)
     dark["status"][:] = Status.DARK
-    counts = {"too dark": float(dark["status"].size)}
+    dark.attrs["tallies"] = {"too dark": float(dark["status"].size)}
     about = replace(ABOUT, title="dark")
-    empty = write_report(dark, counts, {}, about, tmp_path / "dark").read_text(encoding="utf-8")
+    empty = write_report(dark, {}, about, tmp_path / "dark").read_text(encoding="utf-8")
     assert "No pixel was mapped" in empty
     assert "Too dark" in empty
 

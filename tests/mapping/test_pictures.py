@@ -23,7 +23,7 @@ from glazefit.mapping.show.pictures import (
     numbers_of,
     paint_pictures,
 )
-from glazefit.mapping.store.layout import Status, Way
+from glazefit.mapping.store.layout import Status, Way, status_counts
 from glazejax.colour import delta_e_2000
 from glazejax.plots import hex_colour
 from tests.mapping import small
@@ -58,15 +58,17 @@ def rgb(colour):
 def test_every_pixel_is_counted_once(scene, dataset, look):
     truth = scene.truth(0, 96)
     mapped = dataset["status"].values == Status.MAPPED
-    assert look.status == {
+    tallies = dataset.attrs["tallies"]
+    assert status_counts(tallies) == {
         Status.MAPPED: mapped.sum(),
         Status.MASKED: 3 * 128,
         Status.SATURATED: 24,
     }
-    assert sum(sums.pixels for sums in look.sets.values()) == look.mapped == sum(look.ways.values())
+    answered = [tallies[f"way {way.name.lower()}"] for way in Way if way]
+    assert sum(sums.pixels for sums in look.sets.values()) == look.mapped == sum(answered)
     assert look.sets[()].pixels == np.sum(mapped & truth["foreign"])
     assert look.explained == look.mapped - look.sets[()].pixels
-    assert look.ways[Way.SEARCHED] == np.sum(dataset["way"].values[mapped] == Way.SEARCHED)
+    assert tallies["way searched"] == np.sum(dataset["way"].values[mapped] == Way.SEARCHED)
     for members in look.ranked:
         wanted = np.array([*members, -1, -1][:3])
         there = mapped & (truth["members"] == wanted).all(axis=-1)
@@ -81,12 +83,12 @@ def test_every_pixel_is_counted_once(scene, dataset, look):
 
 
 def test_paints_in_another_order_are_the_same_set(made, look):
-    dataset, *counts = made
+    dataset, sets = made
     turned = dataset.copy(deep=True)
     for name in ("members", "fraction"):
         values = turned[name].values
         values[::2] = values[::2, :, ::-1]
-    again = overview(turned, *counts)
+    again = overview(turned, sets)
     for members in look.ranked:
         assert look.where(members).sum() == look.sets[members].pixels
         assert_array_equal(again.where(members), look.where(members))
@@ -125,10 +127,10 @@ def test_amounts_are_those_of_the_truth(scene, look):
 
 
 def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(made):
-    dataset, *counts = made
+    dataset, sets = made
     hidden = dataset.copy(deep=True)
     hidden["thickness"][:] = np.nan
-    seen = overview(hidden, *counts)
+    seen = overview(hidden, sets)
     paint = found_paints(seen)[0]
     probability, share = paint_pictures(seen, paint)
     assert probability.key.endswith("_probability")
@@ -229,4 +231,4 @@ def test_false_colour_takes_infrared_where_there_is_some(scene):
 
 def test_what_is_no_map_is_refused(dataset):
     with pytest.raises(ValueError, match="it lacks misfit, rmse"):
-        overview(dataset.drop_vars(["misfit", "rmse"]), {}, {})
+        overview(dataset.drop_vars(["misfit", "rmse"]), {})

@@ -29,7 +29,7 @@ def painting(shape: tuple[int, int], seed: int) -> Rough:
 
 
 def truth_map(painting: Painting):
-    """Dataset, tallies and sums of sets of a map that is right everywhere.
+    """Dataset and sums of sets, the largest first, of a map that is right everywhere.
 
     The first three rows are masked, and one corner is saturated; foreign paint is "none of these".
     """
@@ -86,14 +86,13 @@ def truth_map(painting: Painting):
         "x": ("x", 0.25 * (np.arange(width) + 0.5), attrs),
         "paint": [paint.name for paint in painting.paints],
     }
-    dataset = xr.Dataset(
-        {v.name: (("y", "x", *v.further), arrays[v.name]) for v in VARIABLES},
-        coordinates,
-        {"working_wavelengths": painting.wavelengths.tolist()},
-    )
     tallies = {words: float(np.sum(status == number)) for number, words in STATUS_WORDS.items()}
     tallies |= {
         f"way {way.name.lower()}": float(np.sum(arrays["way"] == way)) for way in Way if way
     }
-    tallies |= {"readings": int(mapped.sum()) * painting.wavelengths.size, "searches": 812}
-    return dataset, tallies, sets
+    dataset = xr.Dataset(
+        {v.name: (("y", "x", *v.further), arrays[v.name]) for v in VARIABLES},
+        coordinates,
+        {"working_wavelengths": painting.wavelengths.tolist(), "tallies": tallies},
+    )
+    return dataset, dict(sorted(sets.items(), key=lambda one: (-one[1].pixels, one[0])))

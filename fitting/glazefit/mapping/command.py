@@ -337,9 +337,9 @@ def map_(
             progress=report_progress,
         )
     store = MapStore(out)
-    tallies, sets = store.sums()
+    _, sets = store.sums()
     console.print(f"Wrote the map to {out}")
-    for line in report_map(paint_map, tallies, sets):
+    for line in report_map(paint_map, sets):
         console.print(line)
     if csv is not None:
         write_sets(csv, paint_map, sets, overwrite=overwrite)
@@ -376,7 +376,6 @@ def map_(
             )
             page = write_report(
                 paint_map,
-                tallies,
                 sets,
                 map_provenance(command_line(), typed, source.path, given_files, paint_map, about),
                 report,

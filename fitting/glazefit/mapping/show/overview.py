@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from glazejax.plots import hex_colour
 
 from ..store.chunk import Members, SetSums
-from ..store.layout import Status, Way, status_counts
+from ..store.layout import Status
 from .legend import MOST_SETS, legend_colours
 from .names import paint_names, set_words
 
@@ -46,8 +46,6 @@ class Overview:
         shape: (y, x) of the map.
         step: so many pixels a side are one of the pictures.
         paints: their names, by number.
-        status: pixels of each status.
-        ways: pixels answered in each way.
         sets: sums over the pixels of each set, by its members ascending; () where nothing in the
             catalogue explains them.
         means: by name, (rows, columns), means over the mapped pixels of each square; NaN where
@@ -63,8 +61,6 @@ class Overview:
     shape: tuple[int, int]
     step: int
     paints: tuple[str, ...]
-    status: dict[Status, int]
-    ways: dict[Way, int]
     sets: SetSums
     means: dict[str, Float[np.ndarray, "rows columns"]]
     paint_probability: Float[np.ndarray, "r c paints"]
@@ -78,7 +74,7 @@ class Overview:
     @property
     def mapped(self) -> int:
         """Pixels that were mapped."""
-        return self.status.get(Status.MAPPED, 0)
+        return sum(sums.pixels for sums in self.sets.values())
 
     @property
     def explained(self) -> int:
@@ -96,7 +92,7 @@ class Overview:
     @cached_property
     def ranked(self) -> list[Members]:
         """Sets by their area, largest first, without the one that is none."""
-        return ranked_sets(self.sets)
+        return [members for members in self.sets if members]
 
     @cached_property
     def shown(self) -> list[Members]:
@@ -146,28 +142,20 @@ def pixels_with(
     return mapped & explained & (pixels["members"] == np.array(padded)).all(axis=-1)
 
 
-def ranked_sets(sets: SetSums) -> list[Members]:
-    """Sets by their pixels, largest first, without the one that is none."""
-    return sorted((members for members in sets if members), key=lambda m: (-sets[m].pixels, m))
-
-
 def shown_sets(sets: SetSums) -> list[Members]:
-    """The largest of these, as far as each has `LEAST` of all pixels; the first one in any case."""
+    """The largest sets of paints, as far as each has `LEAST` of all pixels; the first one in any
+    case.
+    """
     least = LEAST * sum(sums.pixels for sums in sets.values())
-    ranked = ranked_sets(sets)[:MOST_SETS]
+    ranked = [members for members in sets if members][:MOST_SETS]
     return [members for n, members in enumerate(ranked) if not n or sets[members].pixels >= least]
 
 
-def overview(
-    dataset: "xr.Dataset",
-    tallies: Mapping[str, float],
-    sets: SetSums,
-) -> Overview:
+def overview(dataset: "xr.Dataset", sets: SetSums) -> Overview:
     """Look at a map, some rows at a time, so that memory stays small whatever its size.
 
     Args:
         dataset: variables of `layout.VARIABLES`, coordinate `paint` with their names.
-        tallies: pixels of each status, and answered in each way.
         sets: sums over the pixels of each set.
 
     Raises:
@@ -198,13 +186,10 @@ def overview(
     order = np.argsort(examples["members"].astype(np.uint16), axis=-1, kind="stable")
     for name in ("members", "fraction"):
         examples[name] = np.take_along_axis(examples[name], order, axis=-1)
-    ways = {way: int(tallies.get(f"way {way.name.lower()}", 0)) for way in Way}
     return Overview(
         shape=(height, width),
         step=step,
         paints=paints,
-        status=status_counts(tallies, height * width),
-        ways={way: count for way, count in ways.items() if count},
         sets=sets,
         means={name: pictures[f"mean_{name}"] for name in _MEANS},
         paint_probability=pictures["paint_probability"],

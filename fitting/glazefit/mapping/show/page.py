@@ -14,7 +14,7 @@ from glazejax.io.write import write_files
 
 from ...page.templates import fill_template
 from ..store.chunk import Members, SetSums
-from ..store.layout import STATUS_WORDS, Status, Way
+from ..store.layout import STATUS_WORDS, Way, status_counts
 from .classes import CLASSES, write_classes
 from .legend import OTHERS
 from .overview import overview
@@ -80,7 +80,6 @@ class MapProvenance:
 
 def write_report(
     dataset: "xr.Dataset",
-    tallies: Mapping[str, float],
     sets: SetSums,
     provenance: MapProvenance,
     folder: Path,
@@ -94,7 +93,6 @@ def write_report(
 
     Args:
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
-        tallies: counts that the solver kept, by name.
         sets: sums over the pixels of each set, by its members ascending; () for none.
         provenance: what else is to be said.
         folder: is made.
@@ -112,7 +110,8 @@ def write_report(
     path = folder / "report.html"
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} is there already: --overwrite replaces it")
-    look = overview(dataset, tallies, sets)
+    look = overview(dataset, sets)
+    tallies = dataset.attrs["tallies"]
     grid = np.asarray(dataset.attrs.get("working_wavelengths", ()), float)
     false = None if cube is None else false_colour(cube, look.step)
     numbers = numbers_of(look)
@@ -121,17 +120,15 @@ def write_report(
         [paint_pictures(look, paint) for paint in found_paints(look)] if families is None else []
     )
     order = found_paints(look, least=0.0)
-    by_count = sorted(look.status.items(), key=lambda item: -item[1])
+    by_count = sorted(status_counts(tallies).items(), key=lambda item: -item[1])
+    ways = {words: tallies.get(f"way {way.name.lower()}") for way, words in _WAYS.items()}
     chapters = {
         "How pixels were answered": {
-            _WAYS[way].capitalize(): f"{count:,} pixels" for way, count in look.ways.items()
+            words.capitalize(): f"{count:,.0f} pixels" for words, count in ways.items() if count
         },
         "Shortcuts, and what each may cost": provenance.shortcuts,
         "Checked against the full search": provenance.agreement,
         "Options": provenance.options,
-        "Counts": {
-            name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n
-        },
     }
     pieces = fill_template(
         "mapping/show/page.html",
@@ -139,7 +136,6 @@ def write_report(
         look=look,
         provenance=provenance,
         statuses=[(STATUS_WORDS[status], count) for status, count in by_count],
-        undone=look.status.get(Status.UNDONE, 0),
         frequent=[look.paints[paint] for paint in found_paints(look, 0.01)],
         colour=enlarge(look.colour),
         legend=legend_map(look),

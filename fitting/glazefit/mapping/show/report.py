@@ -1,6 +1,6 @@
 """A map in words and tables: what the command prints, and the table of sets."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,26 +20,16 @@ if TYPE_CHECKING:
     import xarray
 
 
-def by_area(sets: SetSums) -> list[tuple[Members, SetSum]]:
-    """Sets, the most frequent first."""
-    return sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
-
-
-def report_map(
-    dataset: "xarray.Dataset",
-    tallies: Mapping[str, float],
-    sets: SetSums,
-) -> Iterator[RenderableType]:
+def report_map(dataset: "xarray.Dataset", sets: SetSums) -> Iterator[RenderableType]:
     """What became of the pixels, and the sets that the report shows, too.
 
     Args:
         dataset: the map.
-        tallies: counts of the pixels of each status.
         sets: sums over the pixels of each set.
     """
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
-    counts = status_counts(tallies, lines * samples)
+    counts = status_counts(dataset.attrs["tallies"])
     mapped = counts.get(Status.MAPPED, 0)
     unmapped = [
         f"{count:,} {STATUS_WORDS[status]}"
@@ -55,7 +45,7 @@ def report_map(
     thick = any(sums.pixels_with_thickness for sums in sets.values())
     table = plain_table("paints", "pixels", "area", *(["thickness"] if thick else []), "misfit")
     reported = {(), *shown_sets(sets)}
-    for members, sums in by_area(sets):
+    for members, sums in sets.items():
         if members not in reported:
             continue
         row = _row(members, sums, paints, mapped)
@@ -108,7 +98,7 @@ def write_sets(
     ]
     bands = [f"{kind}_{nm:g}" for kind in ("measured", "fitted") for nm in grid]
     rows = []
-    for members, sums in by_area(sets):
+    for members, sums in sets.items():
         row = _row(members, sums, paints, mapped)
         cells = ("" if row[name] is None else row[name] for name in titles)
         rows.append([*cells, *map(float, [*sums.mean, *sums.mean_fit])])

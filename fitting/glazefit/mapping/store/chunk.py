@@ -66,7 +66,7 @@ class SetSum:
 
 
 SetSums: TypeAlias = Mapping[Members, SetSum]
-"""Sums of each set."""
+"""Sums of each set, the largest set first."""
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,9 @@ STATUS_WORDS = {
 }
 
 
-def status_counts(tallies: Mapping[str, float], pixels: int) -> dict[Status, int]:
-    """Pixels of each status that occurs, from a map's tallies; what they lack is not done."""
+def status_counts(tallies: Mapping[str, float]) -> dict[Status, int]:
+    """Pixels of each status that occurs, from the tallies of a map."""
     counts = {status: int(tallies.get(words, 0)) for status, words in STATUS_WORDS.items()}
-    counts[Status.UNDONE] += pixels - sum(counts.values())
     return {status: count for status, count in counts.items() if count}
 
 

@@ -279,8 +279,8 @@ class MapStore:
                 arrays[variable.name][window.slices] = values.astype(variable.dtype)
 
     def sums(self) -> tuple[Mapping[str, float], dict[Members, SetSum]]:
-        """Counts and sums of sets over all finished windows, in the order of the windows whatever
-        their order of work.
+        """Counts, and sums of sets, the largest set first, over all finished windows, in the order
+        of the windows whatever their order of work.
 
         Raises:
             ValueError: a window's sums are damaged.
@@ -292,7 +292,8 @@ class MapStore:
             tallies.update(maps.tallies)
             for members, total in maps.sets.items():
                 sets[members] = sets[members] + total if members in sets else total
-        return tallies, sets
+        by_area = sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
+        return tallies, dict(by_area)
 
     def unexplained(self) -> Unexplained:
         """Spectra of all finished windows that no paints explain.
