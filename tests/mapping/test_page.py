@@ -12,7 +12,7 @@ from jinja2 import UndefinedError
 from glazefit.mapping.show.classes import CLASSES
 from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.show.page import _WAYS, MapProvenance, write_report
-from glazefit.mapping.show.page_sets import small_spectrum
+from glazefit.mapping.show.page_rows import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
 from glazefit.page.templates import fill_template

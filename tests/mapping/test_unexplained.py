@@ -8,8 +8,7 @@ import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit.mapping.show.page_sets import share_words
-from glazefit.mapping.show.page_spots import PAINTS, spot_rows
+from glazefit.mapping.show.page_rows import PAINTS, share_words, spot_rows
 from glazefit.mapping.solve.features import Features
 from glazefit.mapping.solve.spots import SPOTS, choose_spots, gather, spot_pigment
 from glazefit.mapping.spot_files import write_spots

@@ -16,7 +16,7 @@ from glazejax.paint.pigment_table import write_pigments
 from glazejax.spectra import common_range
 
 from ..identify.families.expected import has_families
-from .show.page_spots import PAINTS, REFERENCES, SPECTRA
+from .show.page_rows import PAINTS, REFERENCES, SPECTRA
 from .solve.spots import spot_pigment
 
 if TYPE_CHECKING:

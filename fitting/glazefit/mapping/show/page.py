@@ -18,9 +18,15 @@ from ..store.layout import STATUS_WORDS, Way, status_counts
 from .classes import CLASSES, write_classes
 from .legend import OTHERS
 from .overview import overview
-from .page_families import family_rows
-from .page_sets import set_rows, share_words, small_spectrum
-from .page_spots import PAINTS, REFERENCES, spot_rows
+from .page_rows import (
+    PAINTS,
+    REFERENCES,
+    family_rows,
+    set_rows,
+    share_words,
+    small_spectrum,
+    spot_rows,
+)
 from .pictures import (
     RGB,
     colour_numbers,

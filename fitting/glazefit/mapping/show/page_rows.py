@@ -1,14 +1,27 @@
-"""Sets of paints on a map's page: shares, thickness, and spectra with their fits."""
+"""Rows of a map's page: sets of paints with their spectra, families in the picture of the object,
+and spectra that no paints explain, each of which may be added as a paint.
+"""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from glazejax.plots import hex_colour
+
 from ...page.plot import PlotAxes
 from ...page.words import typeset
-from ..store.chunk import Bands, Members, SetSum, rms_difference
+from ..store.chunk import Bands, Members, SetSum, rms_difference, true_colour
 from .overview import Overview
+from .pictures import RGB, enlarge, file_stem, paint_pictures
+
+SPECTRA = "spots.csv"
+PAINTS = "paints_with_spots.csv"
+"""Files next to the page: readings, and paints for a second map."""
+REFERENCES = "references.csv"
+"""The same of a map by family: readings as references, of which the user says the family."""
+# Share of its contrast that the rest of the picture keeps.
+_FADED = 0.12
 
 
 def share_words(count: float, of: float) -> str:
@@ -89,3 +102,43 @@ def small_spectrum(
         "spread": sums.sd,
         "fitted": fitted,
     }
+
+
+def family_rows(look: Overview) -> list[dict[str, Any]]:
+    """Families and groups of the sets that are shown, those of the largest sets first."""
+    return [
+        {
+            "name": look.paints[number],
+            "key": f"{file_stem(look.paints[number])}_place",
+            "pixels": look.in_set[number],
+            "place": _place(look, number),
+            "probability": paint_pictures(look, number)[0],
+        }
+        for number in dict.fromkeys(member for members in look.shown for member in members)
+    ]
+
+
+def _place(look: Overview, family: int) -> RGB:
+    """The object in true colour where a family is of the most probable set, faded elsewhere."""
+    present = (look.examples["members"] == family).any(axis=-1) & (look.examples["explained"] > 0)
+    faded = 255 - _FADED * (255.0 - look.colour)
+    return enlarge(np.where(present[..., None], look.colour, faded).round().astype(np.uint8))
+
+
+def spot_rows(spots: Sequence[Mapping[str, Any]], grid: Bands) -> Iterator[dict[str, Any]]:
+    """The map's attribute ``spots`` with a colour and a small spectrum of each.
+
+    Args:
+        spots: name, pixels, place and reading of each.
+        grid: of their readings, nm.
+    """
+    for spot in spots:
+        reading = np.asarray(spot["reading"], float)
+        alone = SetSum(
+            pixels=1, spectrum=reading, fitted=np.full(reading.shape, np.nan), square=reading**2
+        )
+        yield {
+            **spot,
+            "colour": hex_colour(true_colour(grid, reading[None])[0] / 255),
+            "spectrum": small_spectrum(alone, grid),
+        }
