@@ -2,7 +2,6 @@
 
 import html
 import re
-from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -11,7 +10,7 @@ from jinja2 import UndefinedError
 
 from glazefit.mapping.show.classes import CLASSES
 from glazefit.mapping.show.overview import shown_sets
-from glazefit.mapping.show.page import _WAYS, MapProvenance, write_report
+from glazefit.mapping.show.page import _WAYS, write_report
 from glazefit.mapping.show.page_rows import small_spectrum
 from glazefit.mapping.store.chunk import SetSum
 from glazefit.mapping.store.layout import Status, Way
@@ -22,19 +21,19 @@ from ..fitting.test_identify_page import Parsed
 from .truth_map import GRID, painting, truth_map
 
 EVIL = '<b>&"'
-ABOUT = MapProvenance(
-    "a <b>painting</b>",
-    created="2026-01-02, 03:04",
-    command="glazejax map cube.hdr --out 'a & b'",
-    facts={"Ground": "grey < white"},
-    options={"Noise": "0.003"},
-    versions={"glazejax": "1.2.3"},
-    platform="",
-    inputs=[{"role": "cube", "name": "cube.hdr", "sha256": "0123abcd"}],
-    shortcuts={"Alike": "solved once"},
-    agreement={"Same first set": "97.5 % of 2,000 pixels"},
-    notes=["A band was dead."],
-)
+ABOUT = {
+    "title": "a <b>painting</b>",
+    "created": "2026-01-02, 03:04",
+    "command": "glazejax map cube.hdr --out 'a & b'",
+    "facts": {"Ground": "grey < white"},
+    "options": {"Noise": "0.003"},
+    "versions": {"glazejax": "1.2.3"},
+    "platform": "",
+    "inputs": [{"role": "cube", "name": "cube.hdr", "sha256": "0123abcd"}],
+    "shortcuts": {"Alike": "solved once"},
+    "agreement": {"Same first set": "97.5 % of 2,000 pixels"},
+    "notes": ["A band was dead."],
+}
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +74,7 @@ def part(made, tmp_path_factory):
     }
     names = [EVIL if name == "LeadWhite" else name for name in part["paint"].values]
     part = part.assign_coords(paint=names)
-    about = replace(ABOUT, notes=())
+    about = ABOUT | {"notes": []}
     return part, report_of(part, sets, about, tmp_path_factory.mktemp("part"))
 
 
@@ -252,7 +251,7 @@ def test_what_was_not_mapped_is_said(part, tmp_path):
     dark = dataset.copy(deep=True)
     dark["status"][:] = Status.DARK
     dark.attrs["tallies"] = {"too dark": float(dark["status"].size)}
-    about = replace(ABOUT, title="dark")
+    about = ABOUT | {"title": "dark"}
     empty = write_report(dark, {}, about, tmp_path / "dark").read_text(encoding="utf-8")
     assert "No pixel was mapped" in empty
     assert "Too dark" in empty

@@ -13,7 +13,6 @@ from glazejax.commands.command_line import option
 from glazejax.io import quick_source_hash
 
 from ..page.inputs import input_files
-from .show.page import MapProvenance
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +27,7 @@ def map_provenance(
     read: Mapping[str, Path | None],
     paint_map: "xarray.Dataset",
     facts: Mapping[str, str],
-) -> MapProvenance:
+) -> dict[str, Any]:
     """Collect the provenance of a map for its report.
 
     Args:
@@ -37,20 +36,27 @@ def map_provenance(
         cube: that was mapped.
         read: what else was read, by what it was given as.
         paint_map: the map.
-        facts: names and words for the head of the page.
+        facts: names and words for the head of the page, such as the instrument, the ground and the
+            paints tried.
+
+    Returns:
+        ``title`` of the painting or cube, ``created``, ``command`` as it was typed, ``facts``,
+        ``options`` that were set, ``versions`` of programs, ``platform``; ``role``, ``name`` and
+        ``sha256`` of each file of ``inputs``; ``shortcuts``, what each did and may cost;
+        ``agreement`` with the full search; and ``notes``, sentences of the reader and the solver.
     """
     attrs = paint_map.attrs
     source = {"role": "CUBE", "name": str(cube), "sha256": quick_source_hash(cube)}
-    return MapProvenance(
-        title=cube.name,
-        created=datetime.now().astimezone().isoformat(timespec="seconds"),
-        command=command,
-        facts=facts,
-        options={option(name): str(value) for name, value in typed.items() if name != "cube"},
-        versions={name: version(name) for name in _PACKAGES},
-        platform=platform.platform(),
-        inputs=[source, *input_files(read)],
-        shortcuts={
+    return {
+        "title": cube.name,
+        "created": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "command": command,
+        "facts": facts,
+        "options": {option(name): str(value) for name, value in typed.items() if name != "cube"},
+        "versions": {name: version(name) for name in _PACKAGES},
+        "platform": platform.platform(),
+        "inputs": [source, *input_files(read)],
+        "shortcuts": {
             "Representatives": (
                 f"{attrs['representatives']:,} spectra of the image were searched in full; any "
                 "other pixel is answered in closed form from the one nearest to it: a set that "
@@ -61,9 +67,9 @@ def map_provenance(
                 "feature narrower than their distance is lost"
             ),
         },
-        agreement=agreement_words(attrs["agreement"]),
-        notes=tuple(map(str, attrs.get("notes", ()))),
-    )
+        "agreement": agreement_words(attrs["agreement"]),
+        "notes": [*map(str, attrs.get("notes", ()))],
+    }
 
 
 def agreement_words(agreement: Mapping[str, Any]) -> dict[str, str]:

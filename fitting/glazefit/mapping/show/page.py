@@ -3,8 +3,7 @@ files.
 """
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,42 +51,10 @@ _WAYS = {
 }
 
 
-@dataclass(frozen=True)
-class MapProvenance:
-    """Provenance that the report states with the map; fields left empty are left out.
-
-    Attributes:
-        title: of the painting or cube.
-        created: date and time.
-        command: as it was typed.
-        facts: names and words for the head of the page, such as the instrument, the ground and the
-            paints tried.
-        options: names and values of what was set.
-        versions: names and numbers of programs.
-        platform: the computer, in words.
-        inputs: `role`, `name` and `sha256` of each file that was read.
-        shortcuts: name of each, and what it did and may cost.
-        agreement: what was compared with the full search, and how far they agree.
-        notes: sentences of the reader and the solver.
-    """
-
-    title: str
-    created: str
-    command: str
-    facts: Mapping[str, str]
-    options: Mapping[str, str]
-    versions: Mapping[str, str]
-    platform: str
-    inputs: Sequence[Mapping[str, Any]]
-    shortcuts: Mapping[str, str]
-    agreement: Mapping[str, str]
-    notes: Sequence[str]
-
-
 def write_report(
     dataset: "xr.Dataset",
     sets: SetSums,
-    provenance: MapProvenance,
+    provenance: Mapping[str, Any],
     folder: Path,
     *,
     cube: "xr.DataArray | None" = None,
@@ -100,7 +67,7 @@ def write_report(
     Args:
         dataset: the map, with the variables of `layout.VARIABLES` and the coordinate `paint`.
         sets: sums over the pixels of each set, by its members ascending; () for none.
-        provenance: what else is to be said.
+        provenance: what else is to be said, by `map_provenance`; empty values are left out.
         folder: is made.
         cube: the readings (y, x, wavelength) for a picture in false colour; none is made without.
         facts: of each set of a map by family, by `describe_sets`.
@@ -132,13 +99,13 @@ def write_report(
         "How pixels were answered": {
             words.capitalize(): f"{count:,.0f} pixels" for words, count in ways.items() if count
         },
-        "Shortcuts, and what each may cost": provenance.shortcuts,
-        "Checked against the full search": provenance.agreement,
-        "Options": provenance.options,
+        "Shortcuts, and what each may cost": provenance["shortcuts"],
+        "Checked against the full search": provenance["agreement"],
+        "Options": provenance["options"],
     }
     pieces = fill_template(
         "mapping/show/page.html",
-        title=f"Map of paints: {provenance.title}",
+        title=f"Map of paints: {provenance['title']}",
         look=look,
         provenance=provenance,
         statuses=[(STATUS_WORDS[status], count) for status, count in by_count],
