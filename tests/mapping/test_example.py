@@ -3,23 +3,23 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit.mapping.example import painting, write_painting
-from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
+from glazefit.mapping.example import FOREIGN, painting, write_painting
+from glazejax import Glaze, Hemispherical, Layer, Mixture, catalogue, reflectance
 from glazejax.commands.options import read_ground
 from glazejax.io import open_cube
 
 
 def test_the_small_painting_of_the_command_is_what_its_truth_says(tmp_path):
     made = painting((12, 16), 13)
-    names = [paint.name for paint in (*made.paints, *made.foreign)]
+    known = catalogue.load()
+    names = [*(name for name in known if name != FOREIGN), FOREIGN]
     sets = {tuple(names[n] for n in one if n >= 0) for one in made.members.reshape(-1, 3)}
     assert len(sets) == 5
-    assert (made.foreign[0].name,) in sets
-    assert made.foreign[0].name not in [paint.name for paint in made.paints]
+    assert (FOREIGN,) in sets
     # Paint of the sky in the solver again, thickness found by looking for it.
     sky = made.spectra[0, 0]
-    known = {paint.name: paint for paint in made.paints}
-    medium = Mixture([known["CobaltBlue"], known["ZincWhite"]], [0.2, 0.8])
+    of_sky = [known[name].resample(made.wavelengths) for name in ("CobaltBlue", "ZincWhite")]
+    medium = Mixture(of_sky, [0.2, 0.8])
     layer = Layer(medium, np.linspace(18e-6, 60e-6, 43))
     curves = reflectance(Glaze([layer], made.ground, 1.5), Hemispherical(8.0))
     assert np.sqrt(np.mean((np.asarray(curves) - sky) ** 2, axis=1)).min() < 0.006

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
 from glazejax.catalogue import load
 from glazejax.spectra import Bands
 
@@ -32,16 +32,13 @@ class Painting:
     Attributes:
         spectra: reflectance with noise, float32.
         wavelengths: nm.
-        paints: of the catalogue that a map is to be given.
-        foreign: those that are in the painting too, and are not among them.
         ground: its internal reflectance.
-        members: paints of each pixel by number, those of `paints` first; -1 for none.
+        members: paints of each pixel by number, in the catalogue's order but `FOREIGN` last; -1 for
+            none.
     """
 
     spectra: Float[np.ndarray, "y x bands"]
     wavelengths: Bands
-    paints: list[Pigment]
-    foreign: list[Pigment]
     ground: Bands
     members: Int[np.ndarray, "y x places"]
 
@@ -56,9 +53,8 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     """
     grid = np.linspace(400.0, 700.0, bands)
     paints = {name: paint.resample(grid) for name, paint in load().items()}
-    foreign = paints.pop(FOREIGN)
-    available = {**paints, FOREIGN: foreign}
-    number_of = {name: number for number, name in enumerate(available)}
+    paints[FOREIGN] = paints.pop(FOREIGN)
+    number_of = {name: number for number, name in enumerate(paints)}
     y, x = np.meshgrid(*((np.arange(size) + 0.5) / size for size in shape), indexing="ij")
     # The first that holds lies on top.
     region = np.select(
@@ -79,7 +75,7 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     for number, coats in enumerate(_REGIONS):
         layers = []
         for shares, least, largest in coats:
-            mixture = Mixture([available[name] for name in shares], list(shares.values()))
+            mixture = Mixture([paints[name] for name in shares], list(shares.values()))
             layers.append(Layer(mixture, least * (largest / least) ** height.ravel()))
         # All pixels in each region, so that one program serves all regions of as many coats.
         readings = reflectance(Glaze(layers, ground, 1.5), Hemispherical(8.0), tolerance=1e-5)
@@ -91,8 +87,6 @@ def painting(shape: tuple[int, int] = (48, 64), bands: int = 31, seed: int = 0) 
     return Painting(
         spectra=(spectra + 0.003 * noise).astype(np.float32),
         wavelengths=grid,
-        paints=list(paints.values()),
-        foreign=[foreign],
         ground=ground,
         members=members,
     )
