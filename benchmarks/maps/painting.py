@@ -208,7 +208,7 @@ def _truth(
         f"{float(same['amount_90']):.3f} of its standard deviation\n"
         f"  the full search took {full * 1e3:.1f} ms a pixel\n"
         f"  and {fine * 1e3:.0f} ms at every second band of the image, not averaged to "
-        f"{task.image.bands.count.size} (16 pixels)"
+        f"{task.image.count.size} (16 pixels)"
     )
     large = runs[-1]
     shares = {"same_set": 100.0 * same["first"], "same_none": 100.0 * same["explained"]}

@@ -3,6 +3,7 @@ searched.
 """
 
 import functools
+from collections.abc import Sequence
 from unittest import mock
 
 import numpy as np
@@ -11,7 +12,9 @@ from benchmarks.rivals import known_painting
 from benchmarks.rivals.known_painting import NOISE, Painting, painting, spectra
 from benchmarks.rivals.known_painting_scene import REGIONS
 
-from glazejax import catalogue
+from glazefit import Noise
+from glazefit.mapping.solve.image import Image, working_bands
+from glazejax import Pigment, catalogue
 
 PAINTS = (
     "ZincWhite",
@@ -65,3 +68,11 @@ def image(spectra: np.ndarray, wavelengths: np.ndarray) -> xarray.DataArray:
     return xarray.DataArray(
         spectra, dims=("y", "x", "wavelength"), coords={"wavelength": wavelengths}
     )
+
+
+def at_bands(
+    wavelengths: np.ndarray, paints: Sequence[Pigment], noise: Noise | None = None, **attrs: float
+) -> Image:
+    """An image of nothing, for what is done at its working bands."""
+    nothing = image(np.zeros((1, 1, wavelengths.size)), wavelengths).assign_attrs(attrs)
+    return Image(nothing, working_bands(wavelengths, paints), noise, None)

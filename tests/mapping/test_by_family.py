@@ -12,7 +12,7 @@ from glazefit.mapping.family_facts import describe_sets
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.show.overview import shown_sets
 from glazefit.mapping.solve.by_family import FamilySearcher
-from glazefit.mapping.solve.image import WorkingBands
+from glazefit.mapping.solve.image import working_bands
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.store import MapStore
 from glazejax import Glaze, Layer, catalogue, reflectance
@@ -148,7 +148,7 @@ def test_noise_makes_no_pigments(cube, paints, tmp_path):
 def test_uneven_bands_are_those_of_a_search(paints):
     """A search would average bands of 4.83 nm once more if they were not its own."""
     for step in (3.7, 4.83, 6.1):
-        bands = WorkingBands.of(np.arange(410.0, 991.0, step), list(paints.values()))
+        bands = working_bands(np.arange(410.0, 991.0, step), list(paints.values()))
         again = means_of_steps(bands.wavelengths, SEARCHED)
         assert again is None or np.array_equal(again, np.eye(bands.wavelengths.size))
 
@@ -173,7 +173,7 @@ def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):
 
 
 def test_an_image_is_used_where_any_exemplar_is_known(paints):
-    bands = WorkingBands.of(np.arange(360.0, 1101.0, 5.0), list(paints.values()))
+    bands = working_bands(np.arange(360.0, 1101.0, 5.0), list(paints.values()))
     assert bands.wavelengths[0] < 390
     assert bands.wavelengths[-1] > 1090
     assert np.allclose(np.diff(bands.wavelengths)[1:-1], 10.0)

@@ -15,7 +15,6 @@ from glazefit.identify.search.searcher import Searcher
 from glazefit.mapping.solve.atlas import Atlas
 from glazefit.mapping.solve.by_paint import PaintSearcher
 from glazefit.mapping.solve.features import Features
-from glazefit.mapping.solve.image import WorkingBands
 from glazefit.mapping.solve.local import Searched
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
@@ -58,7 +57,8 @@ def sd_of(readings):
 )
 def problem(request):
     scene = small.scene()
-    bands = WorkingBands.of(scene.wavelengths, small.paints())
+    image = small.at_bands(scene.wavelengths, small.paints())
+    bands = image.bands
     searcher = Searcher.of(
         bands.wavelengths,
         small.paints(),
@@ -68,7 +68,7 @@ def problem(request):
     ground = None if request.param == "hiding" else scene.ground @ bands.mean
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
     chosen = np.random.default_rng(0).choice(len(spectra), COUNTS[request.param], replace=False)
-    readings = bands.means(spectra)[chosen].astype(float)
+    readings = image.means(spectra)[chosen].astype(float)
     sd = sd_of(readings)
     over = PaintSearcher(searcher, ground)
     return Problem(over, readings, sd, over.search(readings, sd))

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 
 from glazefit import Noise
 from glazefit.mapping.map_cube import map_cube
-from glazefit.mapping.solve.image import WorkingBands
 from glazefit.mapping.solve.spots import spot_pigment
 from glazefit.mapping.solve.task import map_task
 from glazefit.mapping.store.layout import BY_NAME, Status, Way
@@ -102,8 +101,8 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
     assert tallies["no data"] == 3
     # Sums of a set are those of its pixels, over all windows.
-    bands = WorkingBands.of(cube["wavelength"].values, FEW)
-    own = bands.means(cube.values.reshape(-1, cube.sizes["wavelength"]))
+    image = small.at_bands(cube["wavelength"].values, FEW)
+    own = image.means(cube.values.reshape(-1, cube.sizes["wavelength"]))
     named = np.where(found["explained"].values[..., None] == 1, np.sort(members), -1)
     for paints, one in sets.items():
         inside = mapped & (named == np.sort([*paints, -1, -1, -1][:3])).all(axis=-1)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
-from glazefit.mapping.solve.image import WorkingBands, classify
+from glazefit.mapping.solve.image import classify, working_bands
 from glazefit.mapping.store.layout import Status
 from tests.mapping import small
 
@@ -14,32 +14,33 @@ FINE = np.linspace(380.0, 760.0, 191)
 
 
 def test_bands_are_means_of_what_the_paints_cover():
-    bands = WorkingBands.of(FINE, small.paints())
+    image = small.at_bands(FINE, small.paints())
+    bands = image.bands
     assert (bands.wavelengths >= 400).all()
     assert (bands.wavelengths <= 700).all()
-    assert bands.count.sum() == np.sum((FINE >= 400) & (FINE <= 700))
+    assert image.count.sum() == np.sum((FINE >= 400) & (FINE <= 700))
     assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
     # A mean of what is linear is what it is at the mean wavelength.
-    assert_allclose(bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
+    assert_allclose(image.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
 
 
 def test_paints_that_do_not_cover_the_image_are_named():
     with pytest.raises(
         ValueError, match=r"the image has 900.* from 400 to 700 nm: 0 bands lie there"
     ):
-        WorkingBands.of(np.linspace(900.0, 1700.0, 100), small.paints())
+        working_bands(np.linspace(900.0, 1700.0, 100), small.paints())
 
 
 def test_noise_of_means_is_what_it_is():
-    rng, bands = np.random.default_rng(1), WorkingBands.of(FINE, small.paints())
+    rng = np.random.default_rng(1)
     flat = 0.4 + 0.004 * rng.standard_normal((1000, FINE.size))
     told = spectra_noise(FINE, flat)
     assert float(told.sd(np.asarray(0.4))) == pytest.approx(0.004, rel=0.1)
-    seen = bands.means(flat).std(axis=0)
+    image = small.at_bands(FINE, small.paints(), told)
+    seen = image.means(flat).std(axis=0)
     # What averaging does not take away is added.
     rest = np.sqrt(
-        bands.noise_sd(np.full(bands.count.shape, 0.4), told) ** 2
-        - Noise().sd(np.asarray(0.4)) ** 2
+        image.noise_sd(np.full(image.count.shape, 0.4)) ** 2 - Noise().sd(np.asarray(0.4)) ** 2
     )
     assert_allclose(seen, rest, rtol=0.15)
 
@@ -58,7 +59,7 @@ def test_noise_of_many_spectra_is_told_from_some_of_them(floor, share):
 
 
 def test_pixels_that_say_nothing_are_marked():
-    bands = WorkingBands.of(FINE, small.paints())
+    image = small.at_bands(FINE, small.paints(), saturated=0.98)
     good = 0.3 + 0.1 * np.sin(FINE / 50.0)
     pixels = np.tile(good, (9, 1))
     pixels[1, 60] = np.nan
@@ -68,10 +69,10 @@ def test_pixels_that_say_nothing_are_marked():
     pixels[5, 60:70] = -0.5
     pixels[6] *= 5.0
     pixels[7, 60] = 0.99
-    readings = bands.means(pixels, saturated=0.98)
+    readings = image.means(pixels)
     use = np.ones(9, bool)
     use[8] = False
-    status = classify(readings, bands.noise_sd(readings, Noise()), use)
+    status = classify(readings, image.noise_sd(readings), use)
     wanted = [
         Status.MAPPED,
         Status.NO_DATA,
@@ -83,11 +84,8 @@ def test_pixels_that_say_nothing_are_marked():
     wanted += [Status.SATURATED, Status.SATURATED, Status.MASKED]
     assert status.tolist() == wanted
     # Without a detector's end five times too bright is only that.
-    assert classify(bands.means(pixels[6:7]), np.full((1, bands.count.size), 1e-3)).tolist() == [
-        Status.TOO_BRIGHT
-    ]
+    sd = np.full((1, image.count.size), 1e-3)
+    unlimited = small.at_bands(FINE, small.paints())
+    assert classify(unlimited.means(pixels[6:7]), sd).tolist() == [Status.TOO_BRIGHT]
     # Noise about zero is no negative reading.
-    assert (
-        classify(readings[:1] - readings[:1].min() - 0.005, np.full((1, bands.count.size), 1e-3))[0]
-        == Status.MAPPED
-    )
+    assert classify(readings[:1] - readings[:1].min() - 0.005, sd)[0] == Status.MAPPED

@@ -125,7 +125,7 @@ def map_cube(
         options=task.options,
         attrs={
             "working_wavelengths": bands.wavelengths,
-            "bands_of_each": bands.count,
+            "bands_of_each": task.image.count,
             "notes": list(task.cube.attrs.get("notes", ())),
             "made_by": ", ".join(
                 f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
@@ -145,10 +145,7 @@ def map_cube(
         brightness = searcher.brightness
         surveyed = survey(work, task.image, most, progress, brightness=brightness)
         image = replace(task.image, noise=surveyed.noise)
-        noise_sd = image.noise_sd(surveyed.readings)
-        atlas = search_atlas(
-            work, searcher, surveyed.features, surveyed.readings, noise_sd, client, progress
-        )
+        atlas = search_atlas(work, searcher, image, surveyed, client, progress)
         if "checked" not in work.done():
             progress(0, 1, "checking")
             pixels = surveyed.checked

@@ -16,7 +16,9 @@ from .answers import Answers
 from .by_family import FamilySearcher
 from .by_paint import PaintSearcher
 from .features import Features, PerSpectrum, SpectraReadings, nearest
+from .image import Image
 from .local import Searched
+from .survey import Survey
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -69,9 +71,8 @@ class Atlas:
 def search_atlas(
     work: KeyedResults,
     searcher: ImageSearcher,
-    features: Features,
-    readings: SpectraReadings,
-    noise_sd: SpectraReadings,
+    image: Image,
+    surveyed: Survey,
     client: "Client | None",
     progress: Progress,
 ) -> Atlas:
@@ -80,17 +81,16 @@ def search_atlas(
     Args:
         work: keeps the pieces, and has those of an earlier run.
         searcher: of the image's paints.
-        features: by which spectra are compared with the representatives.
-        readings: of the representatives.
-        noise_sd: of these.
+        image: with its noise.
+        surveyed: the survey that chose the representatives.
         client: of a dask cluster; None searches here.
         progress: called as they are searched.
     """
     # The same pieces in each run: spectra that are searched in other company are rounded in other
     # places.
-    spectra = zip(
-        pieces_of(readings, searcher.piece), pieces_of(noise_sd, searcher.piece), strict=True
-    )
+    readings = surveyed.readings
+    arrays = (pieces_of(each, searcher.piece) for each in (readings, image.noise_sd(readings)))
+    spectra = zip(*arrays, strict=True)
     pieces = {f"search-{number:04d}": piece for number, piece in enumerate(spectra)}
     keys = [*pieces]
     if client is None and {*keys} - work.done():
@@ -105,4 +105,4 @@ def search_atlas(
         stage="searching",
     )
     searched = searcher.kind.joined(len(keys), lambda n, name: work.get(keys[n], [name])[name])
-    return Atlas(features, readings.astype(np.float32), searched, searcher)
+    return Atlas(surveyed.features, readings.astype(np.float32), searched, searcher)

@@ -17,7 +17,7 @@ from glazejax.spectra import Bands, common_range
 
 from ...film.films import Noise
 from ...film.model.mixing import digest
-from ...film.shared_bands import SEARCHED, shared_bands
+from ...film.shared_bands import SEARCHED, SharedBands, shared_bands
 from ...identify.families.expected import has_families
 from ..store.chunk import PixelReadings
 from ..store.layout import Status
@@ -37,77 +37,26 @@ _VALUES = 2**24
 _SURE = 4.0
 
 
-@dataclass(frozen=True)
-class WorkingBands:
+def working_bands(stored: Float[np.ndarray, "stored"], pigments: Sequence[Pigment]) -> SharedBands:
     """Groups of an image's bands, each averaged to one reading.
 
     A catalogue known every 10 nm says nothing finer: means over such groups hold all that
     distinguishes its paints, with less noise, at a fraction of the cost.
 
-    Attributes:
-        wavelengths: (bands,), nm, means over the groups.
-        mean: from the image's bands to these; zero for bands that the paints do not cover.
-        count: of the image's bands in each.
+    Args:
+        stored: wavelengths of the image, nm, ascending.
+        pigments: of the catalogue.
+
+    Raises:
+        ValueError: the paints cover less than six bands of the image.
     """
-
-    wavelengths: Bands
-    mean: Float[np.ndarray, "stored bands"]
-    count: Bands
-
-    @classmethod
-    def of(cls, stored: Float[np.ndarray, "stored"], pigments: Sequence[Pigment]) -> "WorkingBands":
-        """Bands for an image and the paints that are looked for in it.
-
-        Args:
-            stored: wavelengths of the image, nm, ascending.
-            pigments: of the catalogue.
-
-        Raises:
-            ValueError: the paints cover less than six bands of the image.
-        """
-        first, last = used_range(pigments)
-        # Tables are often interpolated to finer steps than paint has structure for.
-        # Steps in nm below which spectra of paint hold no more, and working bands at most. Families
-        # have the bins of their search: it would average bands of other bins once more.
-        finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
-        width = SEARCHED if has_families(pigments) else max(finest, SEARCHED, (last - first) / 60)
-        grid, mean, _ = shared_bands(stored, (first, last), width, "the image has")
-        return cls(grid, mean, np.count_nonzero(mean, axis=0).astype(float))
-
-    def means(
-        self, block: Float[np.ndarray, "pixels stored"], saturated: float = np.inf
-    ) -> Float[np.ndarray, "pixels bands"]:
-        """Readings of pixels, single precision.
-
-        Args:
-            block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
-                infinite.
-            saturated: reading from which the detector was full; infinite if that is not stated.
-        """
-        first, last = np.flatnonzero(self.mean.any(axis=1))[[0, -1]]
-        block = block[:, first : last + 1].astype(np.float32, copy=False)
-        with np.errstate(invalid="ignore"):
-            readings = block @ self.mean[first : last + 1].astype(np.float32)
-            full = block.max(axis=1) >= saturated
-            odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
-        # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
-        full[odd] |= np.isposinf(block[odd]).any(axis=1)
-        readings[odd] = np.nan
-        readings[full] = np.inf
-        return readings
-
-    def noise_sd(self, readings: BandReadings, noise: Noise) -> BandReadings:
-        """Standard deviation of the readings' noise.
-
-        Args:
-            readings: at these bands.
-            noise: of one of the image's own readings; averaging makes it less. What an instrument's
-                scale and stray light do to all bands, as much as of a bench instrument (`Noise()`),
-                it does not.
-        """
-        return np.hypot(
-            noise.sd(readings) / np.sqrt(self.count).astype(readings.dtype), Noise().sd(readings)
-        )
+    first, last = used_range(pigments)
+    # Tables are often interpolated to finer steps than paint has structure for.
+    # Steps in nm below which spectra of paint hold no more, and working bands at most. Families
+    # have the bins of their search: it would average bands of other bins once more.
+    finest = min(float(np.median(np.diff(p.wavelengths))) for p in pigments)
+    width = SEARCHED if has_families(pigments) else max(finest, SEARCHED, (last - first) / 60)
+    return shared_bands(stored, (first, last), width, "the image has")
 
 
 def used_range(pigments: Sequence[Pigment]) -> tuple[float, float]:
@@ -166,9 +115,14 @@ class Image:
     """
 
     source: "CubeSource | xarray.DataArray"
-    bands: WorkingBands
+    bands: SharedBands
     noise: Noise | None
     mask: Bool[np.ndarray, "y x"] | None
+
+    @property
+    def count(self) -> Bands:
+        """Bands of the image in each that is worked with."""
+        return np.count_nonzero(self.bands.mean, axis=0).astype(float)
 
     def cube(self) -> "xarray.DataArray":
         """The lazy image."""
@@ -177,8 +131,24 @@ class Image:
         return _open(self.source) if isinstance(self.source, CubeSource) else self.source
 
     def means(self, block: Float[np.ndarray, "pixels stored"]) -> PixelReadings:
-        """Readings of pixels at the working bands; see `WorkingBands.means`."""
-        return self.bands.means(block, self.cube().attrs.get("saturated", np.inf))
+        """Readings of pixels at the working bands, single precision.
+
+        Args:
+            block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
+                infinite.
+        """
+        mean = self.bands.mean
+        first, last = np.flatnonzero(mean.any(axis=1))[[0, -1]]
+        block = block[:, first : last + 1].astype(np.float32, copy=False)
+        with np.errstate(invalid="ignore"):
+            readings = block @ mean[first : last + 1].astype(np.float32)
+            full = block.max(axis=1) >= self.cube().attrs.get("saturated", np.inf)
+            odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
+        # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
+        full[odd] |= np.isposinf(block[odd]).any(axis=1)
+        readings[odd] = np.nan
+        readings[full] = np.inf
+        return readings
 
     def read(self, window: Window) -> tuple[PixelReadings, np.ndarray]:
         """Readings at the working bands, and what can be done with each pixel, row by row."""
@@ -194,8 +164,15 @@ class Image:
             return spectra, classify(spectra, self.noise_sd(spectra), use)
 
     def noise_sd(self, readings: BandReadings) -> BandReadings:
-        """Standard deviation of the noise of readings at the working bands."""
-        return self.bands.noise_sd(readings, self.noise or Noise())
+        """Standard deviation of the noise of readings at the working bands.
+
+        Averaging makes the noise of one reading less, but not what an instrument's scale and stray
+        light do to all bands: as much as of a bench instrument (`Noise()`).
+        """
+        usual = Noise()
+        noise = self.noise or usual
+        averaged = noise.sd(readings) / np.sqrt(self.count).astype(readings.dtype)
+        return np.hypot(averaged, usual.sd(readings))
 
 
 @functools.lru_cache(maxsize=4)

@@ -1,6 +1,6 @@
 """Survey of an image: the noise of its readings, and representatives of a sample of its pixels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -73,7 +73,7 @@ def _survey(
 ) -> dict[str, np.ndarray]:
     """Arrays of `Survey`, as a file keeps them."""
     sample, ends, noise = _sample(image, progress)
-    sd = image.bands.noise_sd(sample, noise)
+    sd = replace(image, noise=noise).noise_sd(sample)
     status = classify(sample, sd)
     good = status == Status.MAPPED
     if not good.any():

@@ -22,7 +22,7 @@ from ...identify.search.searcher import Searcher
 from .atlas import ImageSearcher
 from .by_family import FamilySearcher
 from .by_paint import PaintSearcher
-from .image import Image, WorkingBands, identity
+from .image import Image, identity, working_bands
 from .spots import spot_pigment
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def map_task(
         for name, spectrum in (spots or {}).items()
     ]
     # Internal reflectance of the ground at the bands that the image is averaged to.
-    bands = WorkingBands.of(stored, paints)
+    bands = working_bands(stored, paints)
     below = None
     if ground is not None:
         values = np.asarray(ground, float)
