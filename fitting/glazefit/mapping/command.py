@@ -275,7 +275,7 @@ def map_(
     from .provenance import map_provenance
     from .show.page import write_report
     from .show.report import report_map, write_sets
-    from .solve.spots import spot_pigment
+    from .solve.spots import with_spots
     from .spot_files import write_spots
     from .store.run import connect
     from .store.store import MapStore
@@ -385,13 +385,7 @@ def map_(
             )
         console.print(f"Wrote the report to {page}")
         image_grid = np.asarray(opened["wavelength"], float)
-        tried = [
-            *paints,
-            *(
-                spot_pigment(name, image_grid, spectrum, paints, seen_with)
-                for name, spectrum in measured_spots.items()
-            ),
-        ]
+        tried = with_spots(paints, measured_spots, image_grid, seen_with)
         files = write_spots(
             report, paint_map, image_grid, tried, instrument=seen_with, overwrite=overwrite
         )

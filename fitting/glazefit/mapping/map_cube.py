@@ -142,8 +142,7 @@ def map_cube(
     client = client or client_in_scope()
     with store.writing(), one_thread_each():
         work = store.work
-        brightness = searcher.brightness
-        surveyed = survey(work, task.image, most, progress, brightness=brightness)
+        surveyed = survey(work, task.image, most, searcher.brightness, progress)
         image = replace(task.image, noise=surveyed.noise)
         atlas = search_atlas(work, searcher, image, surveyed, client, progress)
         if "checked" not in work.done():

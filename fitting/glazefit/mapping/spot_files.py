@@ -17,7 +17,7 @@ from glazejax.spectra import common_range
 
 from ..identify.families.expected import has_families
 from .show.page_rows import PAINTS, REFERENCES, SPECTRA
-from .solve.spots import spot_pigment
+from .solve.spots import with_spots
 
 if TYPE_CHECKING:
     import xarray
@@ -64,15 +64,15 @@ def write_spots(
     # As wide as the image: beyond the outermost readings k and s go on as there.
     first, last = common_range([grid, *(p.wavelengths for p in paints)])
     wide = np.unique(np.clip([first, *bands, last], first, last))
-    additions = []
-    for name, reading in spots.items():
-        # No hiding paint reads less than its surface, or more than all light.
-        possible = np.clip(reading, instrument.seen_surface, 1.0)
-        spectrum = np.interp(wide, bands, possible)
-        additions.append(spot_pigment(name, wide, spectrum, paints, instrument))
+    # No hiding paint reads less than its surface, or more than all light.
+    possible = {
+        name: np.interp(wide, bands, np.clip(reading, instrument.seen_surface, 1.0))
+        for name, reading in spots.items()
+    }
     comments = [
         f"glazejax map: the paints that were tried, and {', '.join(spots)}: spectra that none of "
         "them explains, taken as thick paint; s is the median of the others."
     ]
-    write_pigments(files[1], [*paints, *additions], comments, overwrite=overwrite)
+    all_paints = with_spots(paints, possible, wide, instrument)
+    write_pigments(files[1], all_paints, comments, overwrite=overwrite)
     return files

@@ -7,7 +7,7 @@ films of those before it, thinner and mixed, would read.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -165,3 +165,26 @@ def spot_pigment(
         scattering_sd=0.5 * s,
         provenance="spectrum of a spot in the image, taken as thick paint",
     )
+
+
+def with_spots(
+    paints: Sequence[Pigment],
+    spots: Mapping[str, ArrayLike],
+    wavelengths: Bands,
+    instrument: Instrument,
+) -> list[Pigment]:
+    """Paints, and spots as further ones; see `spot_pigment`.
+
+    Args:
+        paints: of the catalogue.
+        spots: their spectra by name.
+        wavelengths: of these, nm.
+        instrument: that read them.
+    """
+    return [
+        *paints,
+        *(
+            spot_pigment(name, wavelengths, spectrum, paints, instrument)
+            for name, spectrum in spots.items()
+        ),
+    ]

@@ -42,7 +42,7 @@ class Survey:
 
 
 def survey(
-    work: KeyedResults, image: Image, most: int, progress: Progress, *, brightness: bool
+    work: KeyedResults, image: Image, most: int, brightness: bool, progress: Progress
 ) -> Survey:
     """The survey of an image: made, or kept by an earlier run.
 
@@ -50,14 +50,14 @@ def survey(
         work: keeps it.
         image: of which a sample is read.
         most: representatives at most.
-        progress: called as pixels are read, and representatives chosen.
         brightness: as for `Features.of`.
+        progress: called as pixels are read, and representatives chosen.
 
     Raises:
         ValueError: the image has no pixel that can be mapped.
     """
     if "survey" not in work.done():
-        work.put("survey", _survey(image, most, progress, brightness=brightness))
+        work.put("survey", _survey(image, most, brightness, progress))
     kept = work.get("survey")
     return Survey(
         noise=Noise(*kept["noise"].tolist()),
@@ -68,9 +68,7 @@ def survey(
     )
 
 
-def _survey(
-    image: Image, most: int, progress: Progress, *, brightness: bool
-) -> dict[str, np.ndarray]:
+def _survey(image: Image, most: int, brightness: bool, progress: Progress) -> dict[str, np.ndarray]:
     """Arrays of `Survey`, as a file keeps them."""
     sample, ends, noise = _sample(image, progress)
     sd = replace(image, noise=noise).noise_sd(sample)

@@ -23,7 +23,7 @@ from .atlas import ImageSearcher
 from .by_family import FamilySearcher
 from .by_paint import PaintSearcher
 from .image import Image, identity, working_bands
-from .spots import spot_pigment
+from .spots import with_spots
 
 if TYPE_CHECKING:
     import xarray
@@ -91,10 +91,7 @@ def map_task(
     expected = chosen.prior or (EXPECTED if by_family else Prior())
     errors = chosen.discrepancy or ModelError()
     noise = chosen.noise
-    paints = catalogue + [
-        spot_pigment(name, stored, spectrum, catalogue, seen_by)
-        for name, spectrum in (spots or {}).items()
-    ]
+    paints = with_spots(catalogue, spots or {}, stored, seen_by)
     # Internal reflectance of the ground at the bands that the image is averaged to.
     bands = working_bands(stored, paints)
     below = None
