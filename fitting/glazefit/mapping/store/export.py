@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 _NETCDF = (".nc", ".nc4", ".h5")
 _ENVI = (".hdr", ".img", ".dat", ".bsq")
-# Arrays of one number a pixel, bands of an ENVI file.
-_SINGLE = [variable for variable in VARIABLES if not variable.further]
 
 
 def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "") -> list[Path]:
@@ -96,14 +94,8 @@ def export_map(
             _write_netcdf(store, partial)
     else:
         header, data = files
-        of_paints = (
-            f"{label} {braceless(paint)}"
-            for paint in store.paints
-            for label in ("probability of", "fraction of", "fraction standard deviation of")
-        )
-        names = [*(_label(variable) for variable in _SINGLE), *of_paints]
         with _whole(data) as partial:
-            _write_bands(store, partial, len(names), progress)
+            names = _write_bands(store, partial, progress)
         with _whole(header) as partial:
             bands = {
                 "bands": len(names),
@@ -161,44 +153,51 @@ def _label(variable: Variable) -> str:
     return f"{variable.name} ({unit})" if unit else variable.name
 
 
-def _write_bands(store: MapStore, path: Path, bands: int, progress: Progress) -> None:
-    """Write the image of bands, band after band."""
+def _write_bands(store: MapStore, path: Path, progress: Progress) -> tuple[str, ...]:
+    """Write the image of bands, band after band; their names."""
     dataset = open_map(store.path)
     lines, samples = store.shape
     all_windows = store.windows()
+    names: tuple[str, ...] = ()
     with path.open("wb") as file:
-        # Windows come row by row within bands: what is not written yet must be there to be skipped.
-        file.truncate(4 * bands * lines * samples)
         for number, window in enumerate(all_windows, start=1):
-            values = np.ascontiguousarray(_bands(dataset, window, len(store.paints)), "<f4")
-            for band, plane in enumerate(values):
-                for line, row in enumerate(plane, start=window.y0):
+            names, bands = zip(*_bands(dataset, window, store.paints), strict=True)
+            # Windows come row by row within bands: what is not written yet must be there to be
+            # skipped.
+            file.truncate(4 * len(bands) * lines * samples)
+            for band, plane in enumerate(bands):
+                for line, row in enumerate(plane.astype("<f4"), start=window.y0):
                     file.seek(4 * ((band * lines + line) * samples + window.x0))
                     file.write(row.tobytes())
             progress(number, len(all_windows), "writing the bands")
+    return names
 
 
 def _bands(
-    dataset: "xarray.Dataset", window: Window, paints: int
-) -> Float[np.ndarray, "bands y x"]:
-    """Bands of a window."""
+    dataset: "xarray.Dataset", window: Window, paints: Sequence[str]
+) -> Iterator[tuple[str, Float[np.ndarray, "y x"]]]:
+    """Bands of a window, and their names."""
     y, x = window.slices
     arrays = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
     mapped = arrays["status"] == Status.MAPPED
-    bands: list[np.ndarray] = []
-    for variable in _SINGLE:
+    # Arrays of one number a pixel, then those of paints.
+    for variable in (variable for variable in VARIABLES if not variable.further):
         factor = np.float32(1e6 if variable.unit == "m" else 1.0)
         values = arrays[variable.name].astype(np.float32) * factor
         whole = variable.name in ("status", "way")
-        bands.append(values if whole else np.where(mapped, values, np.nan))
-    for paint in range(paints):
-        present = arrays["members"] == paint
+        yield _label(variable), values if whole else np.where(mapped, values, np.nan)
+    for number, paint in enumerate(paints):
+        present = arrays["members"] == number
         share, sd = (
             np.where(present, arrays[name], 0).sum(-1) for name in ("fraction", "fraction_sd")
         )
-        for values in (arrays["paint_probability"][..., paint], share, sd):
-            bands.append(np.where(mapped, values, np.nan))
-    return np.stack(bands).astype(np.float32)
+        of_paint = {
+            "probability of": arrays["paint_probability"][..., number],
+            "fraction of": share,
+            "fraction standard deviation of": sd,
+        }
+        for label, values in of_paint.items():
+            yield f"{label} {braceless(paint)}", np.where(mapped, values, np.nan)
 
 
 def envi_header(dataset: "xarray.Dataset", bands: Mapping[str, object]) -> str:
