@@ -205,12 +205,13 @@ def child(folder: str) -> None:
         out=where / "map.zarr",
         memory=MEMORY,
     )
-    tallies, sets = MapStore(where / "map.zarr").sums()
-    large = [one.pixels for one in sets.values() if one.pixels >= 0.01 * tallies["mapped"]]
+    sums = MapStore(where / "map.zarr").sums()
+    mapped = sums.tallies["mapped"]
+    large = [one.pixels for one in sums.sets.values() if one.pixels >= 0.01 * mapped]
     done = {
         "gib": peak_memory() / 2**30,
         "sets": len(large),
-        "small": 1.0 - sum(large) / tallies["mapped"],
+        "small": 1.0 - sum(large) / mapped,
     }
     print(json.dumps(done))
 

@@ -96,7 +96,7 @@ def test_a_report_says_what_the_sets_are(paints, made, tmp_path):
     found, _, out = made
     store = MapStore(out)
     assert store.options["elements"] == [["Cu"], []]
-    _, sets = store.sums()
+    sets = store.sums().sets
     asked = IdentificationOptions(**KNOWN)
     facts = describe_sets(found, sets, list(paints.values()), asked, store.options["ground"])
     assert set(facts) == set(shown_sets(sets))

@@ -149,7 +149,7 @@ def mapped(monkeypatch) -> list[dict]:
                 stops()
 
         run_chunks(store, Halves(len(names)), client, note)
-        store.note(tallies=store.sums()[0])
+        store.note(tallies=store.sums().tallies)
         return open_map(out)
 
     monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", map_cube)

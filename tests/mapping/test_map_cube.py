@@ -97,14 +97,14 @@ def test_every_pixel_is_answered_or_marked(made, cube):
     sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
     assert_allclose(sums[mapped], 1.0, atol=1e-5)
     assert [stage for done, total, stage in said if done == total][-1] == "mapping"
-    tallies, sets = MapStore(out).sums()
-    assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
-    assert tallies["no data"] == 3
+    sums = MapStore(out).sums()
+    assert sums.tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sums.sets.values())
+    assert sums.tallies["no data"] == 3
     # Sums of a set are those of its pixels, over all windows.
     image = small.at_bands(cube["wavelength"].values, FEW)
     own = image.means(cube.values.reshape(-1, cube.sizes["wavelength"]))
     named = np.where(found["explained"].values[..., None] == 1, np.sort(members), -1)
-    for paints, one in sets.items():
+    for paints, one in sums.sets.items():
         inside = mapped & (named == np.sort([*paints, -1, -1, -1][:3])).all(axis=-1)
         readings = own[inside.ravel()].astype(float)
         assert one.pixels == len(readings)
@@ -128,7 +128,7 @@ def test_colours_are_those_of_the_spectra(made, cube):
 def test_what_no_paint_explains_is_offered_as_paints(made):
     found, _, out = made
     none = (found["status"].values == Status.MAPPED) & (found["explained"].values == 0)
-    kept = MapStore(out).unexplained()
+    kept = MapStore(out).sums().unexplained
     assert kept.pixels.sum() == none.sum() > 0
     spots = found.attrs["spots"]
     assert 0 < len(spots) <= 10

@@ -337,7 +337,7 @@ def map_(
             progress=report_progress,
         )
     store = MapStore(out)
-    _, sets = store.sums()
+    sets = store.sums().sets
     console.print(f"Wrote the map to {out}")
     for line in report_map(paint_map, sets):
         console.print(line)

@@ -153,16 +153,20 @@ def map_cube(
             work.put("checked", agreement(searcher, pixels, image.noise_sd(pixels), mapped))
         solver = PixelSolver(image, atlas, surveyed.reach)
         solve_windows(store, solver.solve, client, progress)
-        tallies, _ = store.sums()
-        mapped_pixels = tallies[STATUS_WORDS[Status.MAPPED]]
+        sums = store.sums()
         store.note(
             complete=True,
             noise=[surveyed.noise.floor, surveyed.noise.share],
             representatives=len(surveyed.readings),
             reach=surveyed.reach,
             agreement={name: value.tolist() for name, value in work.get("checked").items()},
-            tallies=tallies,
-            spots=choose_spots(store.unexplained(), searcher.bare, mapped_pixels, searcher.paints),
+            tallies=sums.tallies,
+            spots=choose_spots(
+                sums.unexplained,
+                searcher.bare,
+                sums.tallies[STATUS_WORDS[Status.MAPPED]],
+                searcher.paints,
+            ),
         )
     return open_map(out)
 

@@ -278,32 +278,31 @@ class MapStore:
                 values = maps.arrays.get(variable.name, np.asarray(variable.fill))
                 arrays[variable.name][window.slices] = values.astype(variable.dtype)
 
-    def sums(self) -> tuple[Mapping[str, float], dict[Members, SetSum]]:
-        """Counts, and sums of sets, the largest set first, over all finished windows, in the order
-        of the windows whatever their order of work.
+    def sums(self) -> ChunkMaps:
+        """All finished windows as one, without its arrays: counts, sums of sets, the largest set
+        first, and spectra that no paints explain; in the order of the windows whatever their order
+        of work.
 
         Raises:
             ValueError: a window's sums are damaged.
         """
         tallies: Counter[str] = Counter()
         sets: dict[Members, SetSum] = {}
+        groups: list[Unexplained] = []
         for window in sorted(self.done()):
             maps = self._window_sums(window)
             tallies.update(maps.tallies)
+            if len(maps.unexplained.pixels):
+                groups.append(maps.unexplained)
             for members, total in maps.sets.items():
                 sets[members] = sets[members] + total if members in sets else total
         by_area = sorted(sets.items(), key=lambda item: (-item[1].pixels, item[0]))
-        return tallies, dict(by_area)
-
-    def unexplained(self) -> Unexplained:
-        """Spectra of all finished windows that no paints explain.
-
-        Raises:
-            ValueError: a window's sums are damaged.
-        """
-        of_windows = (self._window_sums(window).unexplained for window in sorted(self.done()))
-        groups = [spectra for spectra in of_windows if len(spectra.pixels)]
-        return Unexplained.join(groups or [Unexplained.nothing()])
+        return ChunkMaps(
+            arrays={},
+            tallies=tallies,
+            sets=dict(by_area),
+            unexplained=Unexplained.join(groups or [Unexplained.nothing()]),
+        )
 
     def note(self, **attrs: Any) -> None:
         """Add attributes to the map, such as what a check of it found."""
