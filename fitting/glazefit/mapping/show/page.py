@@ -13,7 +13,7 @@ from glazejax.io.write import write_files
 
 from ...page.templates import fill_template
 from ..store.chunk import Members, SetSums
-from ..store.layout import STATUS_WORDS, Way, status_counts
+from ..store.layout import Way, status_counts
 from .classes import CLASSES, write_classes
 from .legend import OTHERS
 from .overview import overview
@@ -93,7 +93,6 @@ def write_report(
         [paint_pictures(look, paint) for paint in found_paints(look)] if families is None else []
     )
     order = found_paints(look, least=0.0)
-    by_count = sorted(status_counts(tallies).items(), key=lambda item: -item[1])
     ways = {words: tallies.get(f"way {way.name.lower()}") for way, words in _WAYS.items()}
     chapters = {
         "How pixels were answered": {
@@ -108,7 +107,7 @@ def write_report(
         title=f"Map of paints: {provenance['title']}",
         look=look,
         provenance=provenance,
-        statuses=[(STATUS_WORDS[status], count) for status, count in by_count],
+        statuses=sorted(status_counts(tallies).items(), key=lambda item: -item[1]),
         frequent=[look.paints[paint] for paint in found_paints(look, 0.01)],
         colour=enlarge(look.colour),
         legend=legend_map(look),

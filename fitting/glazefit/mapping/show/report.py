@@ -29,14 +29,9 @@ def report_map(dataset: "xarray.Dataset", sets: SetSums) -> Iterator[RenderableT
     """
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
-    counts = status_counts(dataset.attrs["tallies"])
-    mapped = counts.get(Status.MAPPED, 0)
-    unmapped = [
-        f"{count:,} {STATUS_WORDS[status]}"
-        for status, count in counts.items()
-        if status is not Status.MAPPED
-    ]
-    statuses = "; ".join([f"{mapped:,} mapped", *unmapped])
+    mapped = sum(sums.pixels for sums in sets.values())
+    counts = {STATUS_WORDS[Status.MAPPED]: mapped} | status_counts(dataset.attrs["tallies"])
+    statuses = "; ".join(f"{count:,} {words}" for words, count in counts.items())
     yield Text(f"{samples} x {lines} pixels: {statuses}.", "bold")
     if not mapped:
         return

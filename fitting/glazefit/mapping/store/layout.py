@@ -30,10 +30,9 @@ STATUS_WORDS = {
 }
 
 
-def status_counts(tallies: Mapping[str, float]) -> dict[Status, int]:
-    """Pixels of each status that occurs, from the tallies of a map."""
-    counts = {status: int(tallies.get(words, 0)) for status, words in STATUS_WORDS.items()}
-    return {status: count for status, count in counts.items() if count}
+def status_counts(tallies: Mapping[str, float]) -> dict[str, int]:
+    """Pixels of each status that occurs by its words, from the tallies of a map."""
+    return {words: int(tallies[words]) for words in STATUS_WORDS.values() if tallies.get(words)}
 
 
 class Way(IntEnum):
