@@ -227,8 +227,3 @@ def test_false_colour_takes_infrared_where_there_is_some(scene):
     assert image[..., 1:].max() == 0
     _, words = false_colour(small.image(scene.rows(0, 9), scene.wavelengths), 3)
     assert "red 690 nm" in words.replace("680", "690")
-
-
-def test_what_is_no_map_is_refused(dataset):
-    with pytest.raises(ValueError, match="it lacks misfit, rmse"):
-        overview(dataset.drop_vars(["misfit", "rmse"]), {})

@@ -157,13 +157,8 @@ def overview(dataset: "xr.Dataset", sets: SetSums) -> Overview:
     Args:
         dataset: variables of `layout.VARIABLES`, coordinate `paint` with their names.
         sets: sums over the pixels of each set.
-
-    Raises:
-        ValueError: the dataset lacks a variable of a map.
     """
     names = {"paint_probability", "true_colour", *_MEANS, *_EXAMPLES}
-    if lacking := sorted(name for name in names if name not in dataset):
-        raise ValueError(f"this is no map of paints: it lacks {', '.join(lacking)}")
     height = dataset.sizes["y"]
     width = dataset.sizes["x"]
     step = max(1, -(-height // MOST[0]), -(-width // MOST[1]))
@@ -171,16 +166,15 @@ def overview(dataset: "xr.Dataset", sets: SetSums) -> Overview:
     coarse = 2 * step if width > step * 640 else step
     paints = tuple(paint_names(dataset))
     likely = np.zeros(len(paints), int)
-    tiles: dict[str, list[np.ndarray]] = {}
+    tiles = []
     rows = max(1, _PIXELS // (coarse * width)) * coarse
     for y in range(0, height, rows):
         section = dataset.isel(y=slice(y, y + rows))
         block = {name: section[name].values for name in names}
         mapped = block["status"] == Status.MAPPED
         likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
-        for name, tile in _parts(block, step, coarse).items():
-            tiles.setdefault(name, []).append(tile)
-    pictures = {name: np.concatenate(rows) for name, rows in tiles.items()}
+        tiles.append(_parts(block, step, coarse))
+    pictures = {name: np.concatenate([tile[name] for tile in tiles]) for name in tiles[0]}
     examples = {name: pictures[name] for name in _EXAMPLES}
     # Paints of a set by number, whatever order the map has them in; those that are none last.
     order = np.argsort(examples["members"].astype(np.uint16), axis=-1, kind="stable")

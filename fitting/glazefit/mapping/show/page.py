@@ -57,7 +57,7 @@ def write_report(
     provenance: Mapping[str, Any],
     folder: Path,
     *,
-    cube: "xr.DataArray | None" = None,
+    cube: "xr.DataArray",
     facts: Mapping[Members, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
 ) -> Path:
@@ -69,7 +69,7 @@ def write_report(
         sets: sums over the pixels of each set, by its members ascending; () for none.
         provenance: what else is to be said, by `map_provenance`; empty values are left out.
         folder: is made.
-        cube: the readings (y, x, wavelength) for a picture in false colour; none is made without.
+        cube: the readings (y, x, wavelength) for a picture in false colour.
         facts: of each set of a map by family, by `describe_sets`.
         overwrite: replace an older report.
 
@@ -78,15 +78,14 @@ def write_report(
 
     Raises:
         FileExistsError: there is a report, and `overwrite` is false.
-        ValueError: the dataset is no map.
     """
     path = folder / "report.html"
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} is there already: --overwrite replaces it")
     look = overview(dataset, sets)
     tallies = dataset.attrs["tallies"]
-    grid = np.asarray(dataset.attrs.get("working_wavelengths", ()), float)
-    false = None if cube is None else false_colour(cube, look.step)
+    grid = np.asarray(dataset.attrs["working_wavelengths"], float)
+    false = false_colour(cube, look.step)
     numbers = numbers_of(look)
     families = None if facts is None else family_rows(look)
     paints = (
@@ -134,7 +133,7 @@ def write_report(
     html = "".join(pieces).encode("utf-8", "xmlcharrefreplace")
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     flat = [*numbers, *(picture for pair in paints for picture in pair)]
-    plain = [] if false is None else [("false_colour", "False colour", false[0])]
+    plain = [("false_colour", "False colour", false[0])]
     for family in families or ():
         flat.append(family["probability"])
         plain.append((family["key"], f"Where {family['name']} is", family["place"]))

@@ -95,10 +95,6 @@ class FamilySearcher:
 
         prepare_search(self.wavelengths, self.pigments, self.options, self.ground, note)
 
-    @cached_property
-    def _numbers(self) -> dict[str, int]:
-        return {name: number for number, name in enumerate(self.paints)}
-
     def answers(
         self, readings: SpectraReadings, noise_sd: SpectraReadings
     ) -> dict[str, np.ndarray]:
@@ -143,13 +139,12 @@ class FamilySearcher:
                 # The group of a family that was distinguished is as probable as the family.
                 shares.setdefault(group_of(name), 1.0)
                 for family, share in shares.items():
-                    if family in self._numbers:
-                        answers.paint_probability[row, self._numbers[family]] += (
-                            answer.probability * share
-                        )
+                    if family in self.paints:
+                        number = self.paints.index(family)
+                        answers.paint_probability[row, number] += answer.probability * share
         first = sets[0]
         answers.probability[row] = first.probability
-        members = [self._numbers[name] for name in first.families]
+        members = [self.paints.index(name) for name in first.families]
         answers.members[row, : len(members)] = members
         # The film that is shown has the families of the answer, or some of the groups it names.
         for rank, candidate in enumerate(identification.ranked(row)):

@@ -57,7 +57,38 @@ def survey(
         ValueError: the image has no pixel that can be mapped.
     """
     if "survey" not in work.done():
-        work.put("survey", _survey(image, most, brightness, progress))
+        sample, ends, noise = _sample(image, progress)
+        sd = replace(image, noise=noise).noise_sd(sample)
+        status = classify(sample, sd)
+        good = status == Status.MAPPED
+        if not good.any():
+            reasons = (
+                ", ".join(
+                    f"{np.sum(status == s)} {STATUS_WORDS[Status(s)]}" for s in np.unique(status)
+                )
+                or "the mask leaves none"
+            )
+            raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
+        sample[~good] = np.nan
+        features = Features.of(np.maximum(sample[good], 0.0), brightness=brightness)
+        pools = [
+            pooled(line, line_sd, features, (1, len(line)), ALONG)
+            for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
+        ]
+        means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
+        means = np.maximum(means, 0.0)
+        readings, beyond = choose_representatives(features, means, most, reach, progress)
+        count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
+        found = {
+            "noise": np.array([noise.floor, noise.share]),
+            "middle": features.middle,
+            "directions": features.directions,
+            "readings": readings,
+            # Spectra beyond are searched themselves.
+            "reach": np.array(1.15 * max(beyond, 1.0)),
+            "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
+        }
+        work.put("survey", found)
     kept = work.get("survey")
     return Survey(
         noise=Noise(*kept["noise"].tolist()),
@@ -66,39 +97,6 @@ def survey(
         reach=float(kept["reach"]),
         checked=kept["checked"],
     )
-
-
-def _survey(image: Image, most: int, brightness: bool, progress: Progress) -> dict[str, np.ndarray]:
-    """Arrays of `Survey`, as a file keeps them."""
-    sample, ends, noise = _sample(image, progress)
-    sd = replace(image, noise=noise).noise_sd(sample)
-    status = classify(sample, sd)
-    good = status == Status.MAPPED
-    if not good.any():
-        reasons = (
-            ", ".join(f"{np.sum(status == s)} {STATUS_WORDS[Status(s)]}" for s in np.unique(status))
-            or "the mask leaves none"
-        )
-        raise ValueError(f"the image has no pixel that can be mapped (of a sample: {reasons})")
-    sample[~good] = np.nan
-    features = Features.of(np.maximum(sample[good], 0.0), brightness=brightness)
-    pools = [
-        pooled(line, line_sd, features, (1, len(line)), ALONG)
-        for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
-    ]
-    means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
-    means = np.maximum(means, 0.0)
-    readings, beyond = choose_representatives(features, means, most, reach, progress)
-    count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-    return {
-        "noise": np.array([noise.floor, noise.share]),
-        "middle": features.middle,
-        "directions": features.directions,
-        "readings": readings,
-        # Spectra beyond are searched themselves.
-        "reach": np.array(1.15 * max(beyond, 1.0)),
-        "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
-    }
 
 
 def _sample(
