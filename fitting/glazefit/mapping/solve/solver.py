@@ -102,12 +102,13 @@ def _sums(answers: Answers, spectra: SpectraReadings) -> dict[Members, SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
     members = np.sort(np.where(answers.explained[:, None], answers.members, NOBODY), axis=1)
     one_of_each, which = distinct_sets(members)
+    film_thickness = answers.thickness
     out = {}
     for number, paints in enumerate(members[one_of_each].tolist()):
         rows = np.flatnonzero(which == number)
         readings = spectra[rows].astype(np.float64)
         fitted = answers.fitted[rows].astype(np.float64)
-        thickness = answers.thickness[rows][~answers.opaque[rows]].astype(np.float64)
+        thickness = film_thickness[rows][~answers.opaque[rows]].astype(np.float64)
         key = tuple(paint for paint in paints if paint != NOBODY)
         out[key] = SetSum(
             pixels=len(rows),
