@@ -16,6 +16,7 @@ import numpy as np
 from glazefit.mapping.map_cube import solve_windows
 from glazefit.mapping.store.chunk import ChunkMaps, SetSum
 from glazefit.mapping.store.layout import PLACES, VARIABLES, Status
+from glazefit.mapping.store.process import one_thread_each
 from glazefit.mapping.store.store import MapStore
 from glazefit.mapping.store.windows import Window
 from glazejax.progress import no_progress
@@ -85,7 +86,7 @@ def store_at(path: str | Path, **changes) -> MapStore:
 
 def run_chunks(store: MapStore, solver, client=None, progress=no_progress) -> None:
     """All windows that are not there yet, as `map_cube` has them made and kept."""
-    with store.writing():
+    with store.writing(), one_thread_each():
         solve_windows(store, solver.solve, client, progress)
 
 
