@@ -180,7 +180,7 @@ def _truth(
 
     jax.config.update("jax_enable_x64", True)
     from glazefit.film.films import Noise
-    from glazefit.mapping.solve.agreement import agreement
+    from glazefit.mapping.solve.answers import agreement
     from glazefit.mapping.solve.task import map_task
     from glazejax import catalogue
 
@@ -195,7 +195,7 @@ def _truth(
     stated = Noise(*noise)
     task = map_task(where / "painting.hdr", paints, ground=scene.ground, noise=stated)
     readings = _readings(task.image, places)
-    same = agreement(task.searcher, readings, task.image.noise_sd(readings), arrays)
+    same = agreement(arrays, task.searcher.answers(readings, task.image.noise_sd(readings)))
     full = (time.perf_counter() - start) / len(places)
     fine = _at_image_bands(scene, paints)
     results(

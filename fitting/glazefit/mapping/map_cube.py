@@ -20,7 +20,7 @@ from glazejax.progress import Progress, no_progress
 
 from ..film.model.mixing import Pigments
 from ..identify.search.options import SearchKeywords, check_keywords
-from .solve.agreement import agreement
+from .solve.answers import agreement
 from .solve.atlas import search_atlas
 from .solve.solver import PixelSolver
 from .solve.spots import choose_spots
@@ -150,7 +150,8 @@ def map_cube(
             pixels = surveyed.checked
             answers, _ = atlas.answers(pixels.astype(np.float32))
             mapped = answers.columns(searcher.prior)
-            work.put("checked", agreement(searcher, pixels, image.noise_sd(pixels), mapped))
+            full = searcher.answers(pixels, image.noise_sd(pixels))
+            work.put("checked", agreement(mapped, full))
         solver = PixelSolver(image, atlas, surveyed.reach)
         solve_windows(store, solver.solve, client, progress)
         sums = store.sums()

@@ -40,7 +40,7 @@ def gather(
 
     Args:
         readings: that no set explains.
-        features: by which they are compared, `survey.Features`.
+        features: by which they are compared, `features.Features`.
         places: (y, x) of each.
     """
     if not len(readings):
