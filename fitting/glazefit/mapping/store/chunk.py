@@ -191,7 +191,5 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> ChunkMaps:
         arrays={},
         tallies=counts["tallies"],
         sets=sets,
-        unexplained=Unexplained(
-            **{name: arrays[f"unexplained_{name}"] for name in ("pixels", "readings", "places")}
-        ),
+        unexplained=Unexplained.joined(1, lambda _, name: arrays[f"unexplained_{name}"]),
     )
