@@ -75,11 +75,11 @@ def survey(
             pooled(line, line_sd, features, (1, len(line)), ALONG)
             for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
         ]
-        means, reach = (np.concatenate(arrays)[good] for arrays in zip(*pools, strict=True))
+        means, reach = (np.concatenate(lines)[good] for lines in zip(*pools, strict=True))
         means = np.maximum(means, 0.0)
         readings, beyond = choose_representatives(features, means, most, reach, progress)
         count = min(_CHECKED[0], max(_CHECKED[1], len(readings)), len(means))
-        found = {
+        results = {
             "noise": np.array([noise.floor, noise.share]),
             "middle": features.middle,
             "directions": features.directions,
@@ -88,14 +88,14 @@ def survey(
             "reach": np.array(1.15 * max(beyond, 1.0)),
             "checked": means[np.linspace(0, len(means) - 1, count).astype(int)],
         }
-        work.put("survey", found)
-    kept = work.get("survey")
+        work.put("survey", results)
+    arrays = work.get("survey")
     return Survey(
-        noise=Noise(*kept["noise"].tolist()),
-        features=Features(kept["middle"], kept["directions"]),
-        readings=kept["readings"],
-        reach=float(kept["reach"]),
-        checked=kept["checked"],
+        noise=Noise(*arrays["noise"].tolist()),
+        features=Features(arrays["middle"], arrays["directions"]),
+        readings=arrays["readings"],
+        reach=float(arrays["reach"]),
+        checked=arrays["checked"],
     )
 
 
