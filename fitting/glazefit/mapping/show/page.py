@@ -3,12 +3,14 @@ files.
 """
 
 import base64
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from glazejax.extras import require
 from glazejax.io.write import write_files
 
 from ...page.templates import fill_template
@@ -36,7 +38,6 @@ from .pictures import (
     legend_places,
     numbers_of,
     paint_pictures,
-    png,
     write_pictures,
 )
 
@@ -144,7 +145,13 @@ def write_report(
 
 
 def _encode(image: RGB) -> str:
-    return base64.b64encode(png(image)).decode("ascii")
+    """A picture as a PNG, in base 64."""
+    require("PIL")
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(image)).save(file, "PNG", optimize=True)
+    return base64.b64encode(file.getvalue()).decode("ascii")
 
 
 def _stops(colours: str) -> str:

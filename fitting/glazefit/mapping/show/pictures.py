@@ -2,7 +2,6 @@
 and as PNG files.
 """
 
-import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -225,16 +224,6 @@ def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
         f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True)
     )
     return enlarge(np.stack(channels, axis=-1)), description
-
-
-def png(image: RGB) -> bytes:
-    """A picture as the bytes of a PNG."""
-    require("PIL")
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(file, "PNG", optimize=True)
-    return file.getvalue()
 
 
 def enlarge(image: np.ndarray) -> np.ndarray:
