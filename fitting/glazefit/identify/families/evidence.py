@@ -5,6 +5,7 @@ Fluorescence misses light elements and small amounts, and sees layers below, and
 been retouched, so nothing is ruled out.
 """
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 
@@ -80,8 +81,8 @@ def log_odds_of_elements(
     if contradictory:
         raise ValueError(f"{contradictory[0]} is said to be found and not to be found")
     # What an element adds to the odds of a set that holds it.
-    gains = dict.fromkeys(present, np.log((1.0 - MISSED) / STRAY))
-    gains |= dict.fromkeys(missing, np.log(MISSED / (1.0 - STRAY)))
+    gains = dict.fromkeys(present, math.log((1.0 - MISSED) / STRAY))
+    gains |= dict.fromkeys(missing, math.log(MISSED / (1.0 - STRAY)))
     elements = [{e for family in families for e in family.elements} - LIGHT for families in sets]
     return np.array(
         [sum(gain for symbol, gain in gains.items() if symbol in heavy) for heavy in elements],
