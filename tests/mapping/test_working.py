@@ -1,5 +1,7 @@
 """Working bands, noise of their means, and which pixels say anything."""
 
+import os
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,7 +9,9 @@ from numpy.testing import assert_allclose
 from glazefit import Noise
 from glazefit.film.noise import spectra_noise
 from glazefit.mapping.solve.image import classify, working_bands
+from glazefit.mapping.solve.task import map_task
 from glazefit.mapping.store.layout import Status
+from glazejax.io import CubeSource
 from tests.mapping import small
 
 FINE = np.linspace(380.0, 760.0, 191)
@@ -22,6 +26,19 @@ def test_bands_are_means_of_what_the_paints_cover():
     assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
     # A mean of what is linear is what it is at the mean wavelength.
     assert_allclose(image.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
+
+
+def test_a_file_that_was_replaced_is_opened_again(tmp_path):
+    file, other = tmp_path / "cube.npy", tmp_path / "other.npy"
+    levels = []
+    for written, level in enumerate((0.3, 0.6)):
+        np.save(other, np.full((2, 3, FINE.size), level))
+        os.utime(other, ns=(written, written))
+        other.replace(file)
+        source = CubeSource(file, wavelengths=tuple(FINE))
+        task = map_task(source, small.paints(), opaque=True)
+        levels.append(task.image.cube().to_numpy().mean())
+    assert_allclose(levels, [0.3, 0.6])
 
 
 def test_paints_that_do_not_cover_the_image_are_named():

@@ -112,12 +112,15 @@ class Image:
         bands: that are worked with.
         noise: of one reading of the image; None until it is estimated, as if by a bench instrument.
         mask: pixels that are used; None for all.
+        changed: when its file was last written, ns since 1970: another file under the same name is
+            opened again.
     """
 
     source: "CubeSource | xarray.DataArray"
     bands: SharedBands
     noise: Noise | None
     mask: Bool[np.ndarray, "y x"] | None
+    changed: int = 0
 
     @property
     def count(self) -> Bands:
@@ -128,7 +131,9 @@ class Image:
         """The lazy image."""
         from glazejax.io import CubeSource
 
-        return _open(self.source) if isinstance(self.source, CubeSource) else self.source
+        if isinstance(self.source, CubeSource):
+            return _open(self.source, self.changed)
+        return self.source
 
     def means(self, block: Float[np.ndarray, "pixels stored"]) -> PixelReadings:
         """Readings of pixels at the working bands, single precision.
@@ -176,8 +181,8 @@ class Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _open(source: "CubeSource") -> "xarray.DataArray":
-    """Once for each process."""
+def _open(source: "CubeSource", changed: int) -> "xarray.DataArray":
+    """Open an image, once for each process and each time that its file was written."""
     return source.open()
 
 

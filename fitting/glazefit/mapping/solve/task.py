@@ -109,11 +109,12 @@ def map_task(
         if by_family
         else PaintSearcher(Searcher.of(bands.wavelengths, paints, asked, opaque=opaque), below)
     )
+    same_image = identity(source, array)
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
         "version": 5,
-        "image": identity(source, array),
+        "image": same_image,
         "catalogue": {p.name: digest(p.absorption, p.scattering) for p in paints},
         "ground": below,
         "mask": None if use is None else digest(use),
@@ -128,7 +129,13 @@ def map_task(
     }
     return MapTask(
         cube=array,
-        image=Image(source=source, bands=bands, noise=noise, mask=use),
+        image=Image(
+            source=source,
+            bands=bands,
+            noise=noise,
+            mask=use,
+            changed=same_image.get("time of change", {}).get("path", 0),
+        ),
         searcher=searcher,
         options=options,
     )
