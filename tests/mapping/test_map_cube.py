@@ -30,7 +30,8 @@ FEW = [small.paints()[small.PAINTS.index(name)] for name in small.FEW]
 def _few_searches():
     """In two pieces."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glazefit.mapping.solve.features.REPRESENTATIVES", (64, 4000))
+        for module in ("features", "by_paint"):
+            patch.setattr(f"glazefit.mapping.solve.{module}.REPRESENTATIVES", (64, 4000))
         patch.setattr("glazefit.mapping.solve.by_paint.PaintSearcher.piece", 32)
         patch.setattr("glazefit.mapping.solve.survey._CHECKED", (48, 48))
         yield

@@ -30,7 +30,8 @@ def report_map(dataset: "xarray.Dataset", sets: SetSums) -> Iterator[RenderableT
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
     mapped = sum(sums.pixels for sums in sets.values())
-    counts = {STATUS_WORDS[Status.MAPPED]: mapped} | status_counts(dataset.attrs["tallies"])
+    # What was mapped comes first, also where it is nothing.
+    counts = {STATUS_WORDS[Status.MAPPED]: mapped, **status_counts(dataset.attrs["tallies"])}
     statuses = "; ".join(f"{count:,} {words}" for words, count in counts.items())
     yield Text(f"{samples} x {lines} pixels: {statuses}.", "bold")
     if not mapped:

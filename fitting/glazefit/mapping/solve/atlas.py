@@ -89,9 +89,11 @@ def search_atlas(
     # The same pieces in each run: spectra that are searched in other company are rounded in other
     # places.
     readings = surveyed.readings
-    arrays = (pieces_of(each, searcher.piece) for each in (readings, image.noise_sd(readings)))
-    spectra = zip(*arrays, strict=True)
-    pieces = {f"search-{number:04d}": piece for number, piece in enumerate(spectra)}
+    noise_sd = image.noise_sd(readings)
+    pieces = {
+        f"search-{number:04d}": (readings[rows], noise_sd[rows])
+        for number, rows in enumerate(pieces_of(np.arange(len(readings)), searcher.piece))
+    }
     keys = [*pieces]
     if client is None and {*keys} - work.done():
         searcher.prepare(progress)

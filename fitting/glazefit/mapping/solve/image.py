@@ -1,4 +1,5 @@
-"""An image of spectra: the readings that are worked with, and which of its pixels say anything.
+"""An image of spectra: which one it is, the readings that are worked with, and which of its pixels
+say anything.
 
 Bands are as fine as the paints are known.
 """
@@ -112,15 +113,15 @@ class Image:
         bands: that are worked with.
         noise: of one reading of the image; None until it is estimated, as if by a bench instrument.
         mask: pixels that are used; None for all.
-        changed: when its file was last written, ns since 1970: another file under the same name is
-            opened again.
+        changed: when each of its files was last written, ns since 1970: another file under the same
+            name is opened again.
     """
 
     source: "CubeSource | xarray.DataArray"
     bands: SharedBands
     noise: Noise | None
     mask: Bool[np.ndarray, "y x"] | None
-    changed: int = 0
+    changed: tuple[int, ...] = ()
 
     @property
     def count(self) -> Bands:
@@ -181,8 +182,8 @@ class Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _open(source: "CubeSource", changed: int) -> "xarray.DataArray":
-    """Open an image, once for each process and each time that its file was written."""
+def _open(source: "CubeSource", changed: tuple[int, ...]) -> "xarray.DataArray":
+    """Open an image, once for each process and each time that one of its files was written."""
     return source.open()
 
 
@@ -206,9 +207,9 @@ def identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray")
     from glazejax.io.cubes.hashes import quick_source_hash, time_of_change
 
     settings = asdict(source)
-    # Further files, which calibrate the image.
-    further = {name: path for name, path in settings.items() if isinstance(path, Path)}
-    files = {**further, "path": Path(source.path)}
+    # With further files, which calibrate the image.
+    names = ("wavelengths", "white", "dark", "white_reflectance", "path")
+    files = {name: Path(settings[name]) for name in names if isinstance(settings[name], str | Path)}
     return same | {
         "source": settings,
         "hash": {name: quick_source_hash(path) for name, path in files.items()},

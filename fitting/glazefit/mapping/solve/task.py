@@ -134,7 +134,7 @@ def map_task(
             bands=bands,
             noise=noise,
             mask=use,
-            changed=same_image.get("time of change", {}).get("path", 0),
+            changed=tuple(same_image.get("time of change", {}).values()),
         ),
         searcher=searcher,
         options=options,

@@ -13,8 +13,8 @@ _ARENA_MAX = -8
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Matrix products by one thread each while work is done, side by side with more of it
-    (`in_threads`) or not; then memory is given back.
+    """Matrix products by one thread each while a piece of work is done, alone or next to others
+    (`in_threads`); then memory is given back.
 
     A BLAS that shares a product among threads rounds it in other places; where two representatives
     are as near, or two sets as probable, a pixel's answer would hang on the number of threads.
