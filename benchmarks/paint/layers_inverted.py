@@ -16,6 +16,7 @@ error behind a share is by counting stacks, whose quantities hang together: the 
 of their shares over the root of their number.
 """
 
+import itertools
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -188,10 +189,12 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
 
 
 def side_by_side(problems: Iterable[Any]) -> Any:
-    """Problems of one structure as one, their blocks one after another. Paints differ: fractions
-    are called by number.
+    """Problems of one structure, one prior and the same known fractions as one, their blocks one
+    after another: what all share is the first one's. Paints differ: fractions are called by number.
     """
     first, *others = problems
+    for other, what in itertools.product(others, ("mean", "sd")):
+        assert np.array_equal(getattr(first.shared, what), getattr(other.shared, what))
     paints: Counter[str] = Counter()
     reported = []
     for asked in first.quantities:

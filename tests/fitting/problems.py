@@ -10,7 +10,9 @@ from glazefit.film.problem import FilmProblem
 
 
 def side_by_side(problems: Iterable[FilmProblem]) -> FilmProblem:
-    """Problems of one structure as one, their blocks one after another."""
+    """Problems of one structure and one prior as one, their blocks one after another: what all
+    share is the first one's.
+    """
     first, *others = problems
     data = jax.tree.map(
         lambda *arrays: jnp.concatenate(arrays), first.data, *(other.data for other in others)

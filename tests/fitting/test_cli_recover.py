@@ -187,6 +187,10 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     assert [row["film"] for row in rows] == [*films.names[2:]]
     assert rows[1]["recipe"] == "CobaltBlue 50% + ZincWhite 50%"
     assert all(float(row["delta_e_black"]) < 5 for row in rows)
+    # Without a folder they are predicted all the same, and the paints kept.
+    out, _ = run(*f"{file} --into mine.csv --joint --no-plots".split(), "--check")
+    assert "4 mixtures: ΔE00" in out
+    assert (tmp_path / "mine.csv").exists()
 
 
 @pytest.fixture

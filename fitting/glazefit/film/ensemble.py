@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .problem import FilmProblem
-from .sampling import Draws, Sampling
+from .problem import Draws, FilmProblem
+from .sampling import Sampling
 from .solve import Laplace
 
 

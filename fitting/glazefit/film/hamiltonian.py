@@ -50,8 +50,8 @@ from glazejax.radiative.common.linalg import solve_positive
 
 from .forward import PerUnknown, Scalar, Terms
 from .numerics.weighted import numbers_at
-from .problem import FilmProblem, block_log_probability
-from .sampling import Draws, Sampling
+from .problem import Draws, FilmProblem, block_log_probability
+from .sampling import Sampling
 from .solve import Gaussians, Laplace
 
 # Steps between two looks at the keyboard and the file.

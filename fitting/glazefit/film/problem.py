@@ -239,3 +239,12 @@ def fingerprint(kind: str, film: Reading, *settings: Any) -> str:
         digest.update(array.tobytes() if array.dtype.kind == "f" else repr(item).encode())
         digest.update(b"|")
     return digest.hexdigest()
+
+
+class Draws(NamedTuple):
+    """Some steps of a sampler."""
+
+    free: Float[Any, "steps walkers blocks dims"]
+    height: Float[Any, "steps walkers blocks"]  # log posterior
+    accepted: Float[Any, ""]  # sum over the steps of the shares that were accepted
+    state: dict[str, Any]  # arrays that the next step goes on from, by name

@@ -17,8 +17,8 @@ from glazejax.extras import require
 
 from .ensemble import Ensemble
 from .hamiltonian import Hamiltonian
-from .problem import FilmProblem
-from .sampling import SAMPLERS, Draws, Sampling
+from .problem import Draws, FilmProblem
+from .sampling import SAMPLERS, Sampling
 from .solve import Laplace
 
 

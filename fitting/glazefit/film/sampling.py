@@ -1,10 +1,8 @@
-"""Options of sampling that all functions of posteriors have in common, and what a sampler gives."""
+"""Options of sampling that all functions of posteriors have in common."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypedDict, get_args
-
-from jaxtyping import Float
+from typing import Literal, TypedDict, get_args
 
 from glazejax.progress import Progress, no_progress
 
@@ -131,12 +129,3 @@ def check_sampler(word: str, argument: str) -> None:
         raise ValueError(
             f"{argument} is {word!r}; it must be {', '.join(SAMPLERS[:-1])} or {SAMPLERS[-1]}"
         )
-
-
-class Draws(NamedTuple):
-    """Some steps."""
-
-    free: Float[Any, "steps walkers blocks dims"]
-    height: Float[Any, "steps walkers blocks"]  # log posterior
-    accepted: Float[Any, ""]  # sum over the steps of the shares that were accepted
-    state: dict[str, Any]  # arrays that the next step goes on from, by name

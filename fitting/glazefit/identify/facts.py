@@ -107,18 +107,27 @@ def read_search(typed: Typed, console: "Console") -> Search:
 
     Raises:
         FileNotFoundError: no file of references.
-        ValueError: paints that there are not, references where no families are searched, or a table
-            that is no references.
+        ValueError: paints that there are not, references or facts where no families are searched,
+            or a table that is no references.
     """
     from ..film.films import Instrument
     from ..film.model.errors import ModelError, Prior
     from .families.expected import EXPECTED, has_families
+    from .search.options import IdentificationOptions
 
     pigments, catalogue, references = typed["pigments"], typed["catalogue"], typed["references"]
     paints = options.choose_paints(
         options.read_shelf(pigments, catalogue), typed["only"], typed["without"]
     )
     by_family = has_families(paints) and not typed.get("own_films")
+    facts = {
+        "elements": tuple(options.split_names(typed["elements"])),
+        "without_elements": tuple(options.split_names(typed["without_elements"])),
+        "painted": typed["painted"],
+    }
+    if not by_family:
+        # Before an image is opened or a cluster is asked.
+        IdentificationOptions(**facts).refuse_facts()
     instrument = Instrument(
         options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
     )
@@ -145,9 +154,7 @@ def read_search(typed: Typed, console: "Console") -> Search:
                 thickness=options.read_length(typed["thickness"]),
             ),
             "max_paints": typed["max_paints"],
-            "elements": tuple(options.split_names(typed["elements"])),
-            "without_elements": tuple(options.split_names(typed["without_elements"])),
-            "painted": typed["painted"],
+            **facts,
         },
         asked=options.say_asked(paints, catalogue, pigments or references, by_family=by_family),
     )

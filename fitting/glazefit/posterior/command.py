@@ -197,7 +197,11 @@ def posterior(
         # Without a paint nothing bounds the bands.
         reach = common_range(grids) if grids else (0.0, math.inf)
         stated = options.stated(quantity, unit, scale)
-        film = _read_film(file, sample, stated, ground, reach, noise=errors, console=console)
+        film = (
+            _film(file, sample, stated, reach, console)
+            if ground is None
+            else _spectrum(file, sample, stated, ground, reach, noise=errors, console=console)
+        )
     folder.mkdir(parents=True, exist_ok=True)
     with progress.follow("finding the mode (the first run compiles for up to a minute)") as report:
         from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
@@ -338,33 +342,42 @@ def _simulate(
     return film
 
 
-def _read_film(
+def _film(
+    file: Path, sample: str, stated: "Stated", reach: tuple[float, float], console: "Console"
+) -> "Films":
+    """The film of a file that was read over both cards."""
+    from glazejax.io.spectra_table import there_are
+
+    from ..film.readers import read_films
+    from ..film.shared_bands import PAINTS_KNOWN, crop
+
+    films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
+    progress.print_notes(console, file, films.notes)
+    if not sample and len(films) != 1:
+        raise ValueError(
+            f"{file} holds {len(films)} films; choose one with --sample "
+            f"({there_are('', films.names)})"
+        )
+    return films.select([sample] if sample else films.names)
+
+
+def _spectrum(
     file: Path,
     sample: str,
     stated: "Stated",
-    ground: str | None,
+    ground: str,
     reach: tuple[float, float],
     *,
     noise: "Noise",
     console: "Console",
-) -> "Films | Reading":
-    """A film over both cards, or a spectrum over the ground that was stated."""
+) -> "Reading":
+    """A spectrum over the ground that was stated."""
     from glazejax.io import read_spectra
-    from glazejax.io.spectra_table import row_of, there_are
+    from glazejax.io.spectra_table import row_of
 
     from ..film.films import reading_over
-    from ..film.readers import read_films
-    from ..film.shared_bands import PAINTS_KNOWN, crop, crop_bands
+    from ..film.shared_bands import PAINTS_KNOWN, crop_bands
 
-    if ground is None:
-        films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
-        progress.print_notes(console, file, films.notes)
-        if not sample and len(films) != 1:
-            raise ValueError(
-                f"{file} holds {len(films)} films; choose one with --sample "
-                f"({there_are('', films.names)})"
-            )
-        return films.select([sample] if sample else films.names)
     below = options.read_ground(ground)
     table = read_spectra(file, **stated)
     progress.print_notes(console, file, table.notes)

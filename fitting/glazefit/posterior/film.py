@@ -85,7 +85,7 @@ def pose_stack(
         modes=modes,
     )
     # A block is a film, and here is one.
-    absorption, scattering = np.moveaxis(depth, (1, 0), (0, -1))[:, None]
+    absorption, scattering = depth.transpose(1, 2, 0)[:, None]
     data = FilmData(
         absorption=absorption,
         scattering=scattering,
@@ -100,7 +100,8 @@ def pose_stack(
     unknowns, quantities = name_unknowns(
         film, kind=kind, coats=coats, median=median, spread=spread, grid=grid, shared=shared
     )
-    # The fingerprint holds all numbers that the posterior rests on.
+    # The fingerprint holds all numbers that the posterior rests on; nested as in chains that are on
+    # disk.
     expectation = repr([[(coat.thickness, coat.spread, coat.fractions) for coat in coats]])
     return FilmProblem(
         kind=kind,

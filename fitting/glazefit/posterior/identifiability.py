@@ -97,12 +97,12 @@ def open_above(problem: FilmProblem, free: FreeDraws) -> list[str]:
     draws = free[:: max(1, len(free) // 64)]
     thicker = draws.copy()
     thicker[..., problem.unknowns.index("thickness")] += np.log(3.0)
-    if not np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker)) < 0.5:
-        return []
-    return [
+    loss = np.mean(problem.log_likelihood(draws) - problem.log_likelihood(thicker))
+    open_above = (
         "thickness is open above: a film 3 times as thick would read the same, so that its upper "
         "end is what was expected, not what was measured"
-    ]
+    )
+    return [open_above] if loss < 0.5 else []
 
 
 def _of_spectra(spectra: SpectraDraws, wavelengths: Bands) -> list[str]:

@@ -166,7 +166,7 @@ def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
 
 def _spectra_of_film(posterior: Posterior, spectra: Any, residuals: Any) -> str:
     """Measured and fitted spectra, and their differences compared with what noise and
-    model error allow.
+    model error allow; gives the title of the left panel.
     """
     film = posterior.films[0]
     grid = film.wavelengths
@@ -221,7 +221,9 @@ def _mixture(posterior: Posterior) -> str:
 
 
 def _optical_bands(posterior: Posterior, thicknesses: Any, ratios: Any) -> str:
-    """k d and s d, and their ratio, with bands of 90 % by the chain and by Laplace."""
+    """k d and s d, and their ratio, with bands of 90 % by the chain and by Laplace; gives the title
+    of the left panel.
+    """
     grid = posterior.films[0].wavelengths
     drawn = posterior.spectra()
     k, s, ratio = map(Numbers.of, drawn.values())

@@ -184,6 +184,7 @@ class Posterior:
 
 
 def _inference_data(posterior: Posterior) -> Any:
+    """See `Posterior.inference_data`."""
     arviz = load_arviz()
     problem = posterior.problem
     film = posterior.films[0]

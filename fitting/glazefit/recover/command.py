@@ -151,8 +151,8 @@ def recover(
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture
     for each paint, and fits.csv (k/s and fitted spectra) or, with --joint,
-    films.csv (thickness, gloss and fit of every film). --check adds
-    left_out.csv and left_out.png, the predictions of left-out mixtures.
+    films.csv (thickness, gloss and fit of every film). --check predicts
+    mixtures that are left out; with --out, left_out.csv and left_out.png.
 
     The scale of k and s is that of the thickness: films twice as thick have
     half the k and s.

@@ -243,16 +243,6 @@ def recover_together(
             recovery.paints,
             lambda row, path: plot_joint_paint(recovery, row, path),
         )
-        if check:
-            with progress.follow("leaving films out") as report:
-                left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)
-            for line in report_left_out(left_out):
-                console.print(line)
-            write_table(
-                out / "left_out.csv", *left_out_table(recovery, left_out), overwrite=overwrite
-            )
-            if plots:
-                plot_left_out(recovery, left_out, out / "left_out.png")
     _say_scale(recovery, references, gauge, console)
     if into is not None:
         new = add_paints(recovery, into, overwrite=overwrite)
@@ -261,6 +251,18 @@ def recover_together(
         console.print(
             f"Added {', '.join(new)} to {into}{remark}, with {len(own_paints)} paints there before."
         )
+    # After all that is kept, since it may be refused where no film can be left out.
+    if check:
+        with progress.follow("leaving films out") as report:
+            left_out = cross_validate(recovery, fitted, recipes, progress=report, **fit_options)
+        for line in report_left_out(left_out):
+            console.print(line)
+        if out is not None:
+            write_table(
+                out / "left_out.csv", *left_out_table(recovery, left_out), overwrite=overwrite
+            )
+            if plots:
+                plot_left_out(recovery, left_out, out / "left_out.png")
     if not listed or into or white or wet_film or excluded:
         _print_next_films(recovery, catalogue, console)
 
@@ -296,9 +298,7 @@ def known_paints(
         dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0)
     )
     pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
-    references = {
-        p: own_paints[p] for p in paints if p in own_paints and not (overwrite and p in pure)
-    }
+    references = {p: own_paints[p] for p in paints if p in own_paints}
     if white:
         (paint,) = options.find_paints([white], {**load(catalogue), **own_paints}).values()
         # The name that it has in films.
@@ -308,6 +308,9 @@ def known_paints(
                 f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}"
             )
         references[paint.name] = paint
+        pure.discard(paint.name)
+    if overwrite:
+        references = {p: paint for p, paint in references.items() if p not in pure}
     if len(references) == len(paints):
         where = "known" if into is None else f"in {into}"
         raise ValueError(

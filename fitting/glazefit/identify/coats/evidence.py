@@ -109,8 +109,8 @@ class WeighedSet(NamedTuple):
     Attributes:
         members: the paints, by number.
         rows: the spectra.
-        evidence: of each way, over all that the library may be: readings of the best, amounts of
-            the library as it is.
+        evidence: of each way: amounts of the library as it is, readings of the library that meets
+            each film best, and a log over all libraries with the prior, which `logs` tempers.
         logs: log of how probable each way is, its prior a part of it, up to what is the same for
             all sets of a spectrum.
     """

@@ -121,7 +121,9 @@ def _odds(
     totals = np.full((len(weighed), count), -np.inf)
     for number, weighed_set in enumerate(weighed):
         totals[number, weighed_set.rows] = np.asarray(logsumexp(weighed_set.logs, axis=0))
-    shares = np.exp(totals - np.logaddexp.reduce(totals, axis=0))
+    of_all = np.logaddexp.reduce(totals, axis=0)
+    # Of a spectrum without a set nothing is read.
+    shares = np.exp(totals - np.where(np.isneginf(of_all), 0.0, of_all))
     of_rows: list[list[CoatsOdds]] = [[] for _ in range(count)]
     for weighed_set, set_shares in zip(weighed, shares, strict=True):
         set_names = [names[member] for member in weighed_set.members]

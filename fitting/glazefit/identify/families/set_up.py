@@ -27,6 +27,7 @@ from .metric import as_columns, learn_metric
 from .search import FamilySearch, points_in
 from .sureness import PerFamilySet, Sureness
 from .templates import (
+    PerExemplar,
     Templates,
     coefficients,
     mixed_templates,
@@ -65,8 +66,12 @@ def prepare_search(
     ground: Bands | None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
-    """The search of `search_families` with what else is known of a painting, set up or of those
-    that were set up last; arguments as for that.
+    """The search that `search_families` sets up, or one of the last that it did, with what else is
+    known of a painting (`FamilySearch.with_facts`).
+
+    Args:
+        wavelengths: of the readings, (bands,), nm, in steps of `SEARCHED` or more.
+        pigments, options, ground, progress: as for `search_families`.
     """
     exemplars = [
         (p.name, p.family, p.source, digest(p.wavelengths, p.absorption, p.scattering))
@@ -182,16 +187,7 @@ def search_families(
             k_and_s, film_families, metrics[0].place(view_features[0]), response, below
         )
         groups.append(cover(mixtures))
-    templates = Templates.join(groups)
-    # Sets of one family come first: `NOBODY` is less than any number.
-    pairs = np.sort(np.append(film_families, NOBODY)[templates.members], axis=1)
-    members, set_of = np.unique(pairs, axis=0, return_inverse=True)
-    members = np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
-    # NumPy 2.0 gives the numbers of rows another shape.
-    set_of = set_of.ravel()
-    # Set by set, so that sums over one are of neighbours.
-    order = np.argsort(set_of, kind="stable")
-    templates = templates.take(order)
+    templates, members, set_of = _by_set(Templates.join(groups), film_families)
     templates = replace(templates, members=np.append(exemplars, NOBODY)[templates.members])
     # Some films at a time: they have far more features.
     chunks = [
@@ -211,7 +207,7 @@ def search_families(
         templates=templates,
         points=tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True)),
         colours=colours(grid, templates.readings),
-        set_of=set_of[order],
+        set_of=set_of,
         surface=instrument.seen_surface,
         sureness=sureness or Sureness(),
     )
@@ -219,10 +215,26 @@ def search_families(
         return search
     readings, rows = exemplars_as_readings(search)
     if varnish is not None:
-        # What varies from film to film is learnt to be no sign of a family.
+        # How sure a search may be is learnt from films under other varnishes than the expected one.
         varied = varnish.exchange_at_random(response, wavelengths, readings - search.surface)
         readings = varied + search.surface
     return replace(search, sureness=learn_sureness(search, readings, rows, progress))
+
+
+def _by_set(
+    templates: Templates, family_of: PerExemplar
+) -> tuple[Templates, Int[np.ndarray, "sets 2"], Int[np.ndarray, "templates"]]:
+    """Templates set by set, so that sums over one are of neighbours; families of each set, and the
+    set of each template.
+    """
+    # Sets of one family come first: `NOBODY` is less than any number.
+    pairs = np.sort(np.append(family_of, NOBODY)[templates.members], axis=1)
+    members, set_of = np.unique(pairs, axis=0, return_inverse=True)
+    members = np.where(members[:, :1] == NOBODY, members[:, ::-1], members)
+    # NumPy 2.0 gives the numbers of rows another shape.
+    set_of = set_of.ravel()
+    order = np.argsort(set_of, kind="stable")
+    return templates.take(order), members, set_of[order]
 
 
 def _log_prior(

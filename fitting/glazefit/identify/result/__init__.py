@@ -380,11 +380,11 @@ class Identification(Tabulated):
         """The most probable film of each answer by family, under what `groups.answer_of` makes of
         it; of an improbable answer none may have been kept.
         """
-        # Of several candidates the most probable one stays: it comes last.
-        return {
-            answer_of(self.family_of[paint] for paint in candidate.paints): candidate
-            for candidate in reversed(self.ranked(row))
-        }
+        films: dict[frozenset[str], Candidate] = {}
+        for candidate in self.ranked(row):
+            answer = answer_of(self.family_of[paint] for paint in candidate.paints)
+            films.setdefault(answer, candidate)
+        return films
 
     def nearest_exemplars(self, row: int) -> str:
         """Paints of the film that stands for the first answer by family."""
@@ -527,7 +527,7 @@ class Identification(Tabulated):
             rejected=np.take_along_axis(odds.rejected, best, axis=1),
             paint_probability=np.einsum("sc,scmp->sp", probability, present),
             gloss=top.gloss,
-            fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
+            fitted=top.readings,
             condition=top.condition,
             opaque=opaque,
             spread=spread,

@@ -91,18 +91,19 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool = pool.choose(ranked[:, : task.effort.kept_sets])
     deficit = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     row, column = np.nonzero(deficit <= task.effort.within)
-    paints = slice(max(task.max_paints, 2))
-    sets = pool.members[row, column, paints]
-    logs = np.where(sets == NOBODY, 0.0, pool.logs[row, column, paints])
+    # Places of the paints of a set.
+    places = slice(max(task.max_paints, 2))
+    sets = pool.members[row, column, places]
+    logs = np.where(sets == NOBODY, 0.0, pool.logs[row, column, places])
     # With the errors of groups of like films; then those that came near, with errors where they
     # are now.
     fitted, _, _ = fit_with_errors(chunk, row, sets, logs, pool.log_weight[row, column])
     best = np.full(len(chunk), -np.inf)
     np.maximum.at(best, row, fitted.log_evidence)
-    near = best[row] - fitted.log_evidence <= task.effort.within
-    row, column, sets = row[near], column[near], sets[near]
+    stay = best[row] - fitted.log_evidence <= task.effort.within
+    row, column, sets = row[stay], column[stay], sets[stay]
     fitted, groups, _ = fit_with_errors(
-        chunk, row, sets, fitted.logs[near], fitted.log_evidence[near]
+        chunk, row, sets, fitted.logs[stay], fitted.log_evidence[stay]
     )
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     shown = fit_all(
@@ -121,9 +122,9 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool.log_weight[:] = -np.inf
     pool.log_weight[row, column] = fitted.log_evidence
     pool.covariance[:] = 0.0
-    pool.covariance[row, column, paints, paints] = np.where(unknown, 0.0, fitted.covariance)
-    pool.logs[row, column, paints] = np.where(absent, -np.inf, shown.logs)
-    pool.weighed[row, column, paints] = np.where(absent, -np.inf, fitted.logs)
+    pool.covariance[row, column, places, places] = np.where(unknown, 0.0, fitted.covariance)
+    pool.logs[row, column, places] = np.where(absent, -np.inf, shown.logs)
+    pool.weighed[row, column, places] = np.where(absent, -np.inf, fitted.logs)
     pool.readings[row, column] = shown.readings
     pool.adjusted[row, column] = move_readings(chunk, shown.readings, groups)
     return pool
@@ -199,20 +200,7 @@ def fit_with_errors(
     """
     task = chunk.task
     slopes = slopes_at(chunk, sets, logs, row)
-    # Groups of a spectrum's films by their paints but for traces.
-    size = sets.shape[1]
-    effect = np.sqrt(np.mean(slopes**2, axis=-1))
-    effect = np.hypot(effect[:, :size], effect[:, size:])
-    counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
-    main = np.sort(np.where(counts, sets, NOBODY), axis=1)
-    key = row.astype(np.int64)
-    for paint in main.T:
-        key = key * (task.paint_count + 1) + (paint + 1)
-    order = np.argsort(-log_weight, kind="stable")
-    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
-    best = order[first]
-    groups = Groups(of[np.argsort(order)], row[best], sets[best], slopes[best])
-
+    groups = _group(task, row, sets, log_weight, slopes)
     errors = coefficient_errors(chunk, groups)
     fitted = fit_all(
         chunk,
@@ -224,8 +212,32 @@ def fit_with_errors(
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
     )
-    log_weight = fitted.log_evidence + log_set_prior(task, sets)
-    return fitted._replace(log_evidence=log_weight), groups, errors
+    weighed = fitted.log_evidence + log_set_prior(task, sets)
+    return fitted._replace(log_evidence=weighed), groups, errors
+
+
+def _group(
+    task: IdentificationTask,
+    row: FilmNumbers,
+    sets: FilmSets,
+    log_weight: Float[np.ndarray, "films"],
+    slopes: FilmSlopes,
+) -> Groups:
+    """Groups of each spectrum's films by their paints but for traces; arguments as for
+    `fit_with_errors`.
+    """
+    size = sets.shape[1]
+    effect = np.sqrt(np.mean(slopes**2, axis=-1))
+    effect = np.hypot(effect[:, :size], effect[:, size:])
+    counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
+    main = np.sort(np.where(counts, sets, NOBODY), axis=1)
+    key = row.astype(np.int64)
+    for paint in main.T:
+        key = key * (task.paint_count + 1) + (paint + 1)
+    order = np.argsort(-log_weight, kind="stable")
+    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
+    best = order[first]
+    return Groups(of[np.argsort(order)], row[best], sets[best], slopes[best])
 
 
 def paints_covariance(

@@ -123,14 +123,6 @@ def _misfits(measured: Measured, pool: Pool) -> Misfits:
     allowed = pool.adjusted[at]
     noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
     square = np.mean((read - allowed) ** 2, axis=(-1, -2)) - noise
-    # What noise makes of the readings; where it is smaller, its colour could not be seen.
-    noisy = measured.noise_sd.mean(axis=(1, 2)) > 0.002
-    count = _DRAWS if noisy.any() else 0
-    draws = np.random.default_rng(0).standard_normal((count, *read.shape[2:]))
-    drawn = np.maximum(read + draws * measured.noise_sd[:, None], 0.0)
-    delta_e, adjusted_delta_e, off = (
-        _colour_difference(measured, readings) for readings in (pool.readings[at], allowed, drawn)
-    )
 
     def place(values: np.ndarray) -> np.ndarray:
         """Values of these candidates among all, where the others' are infinite."""
@@ -139,11 +131,25 @@ def _misfits(measured: Measured, pool: Pool) -> Misfits:
         return out
 
     return Misfits(
-        delta_e=place(delta_e),
-        adjusted_delta_e=place(adjusted_delta_e),
+        delta_e=place(_colour_difference(measured, pool.readings[at])),
+        adjusted_delta_e=place(_colour_difference(measured, allowed)),
         residual=place(np.sqrt(np.maximum(square, 0.0))),
-        noise_delta_e=np.where(noisy, np.sqrt(np.sum(off**2, axis=1) / _DRAWS), 0.0),
+        noise_delta_e=_of_noise(measured),
     )
+
+
+def _of_noise(measured: Measured) -> PerSpectrum:
+    """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it
+    could not be seen.
+    """
+    noisy = measured.noise_sd.mean(axis=(1, 2)) > 0.002
+    out = np.zeros(len(measured))
+    if noisy.any():
+        draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
+        drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
+        off = _colour_difference(measured, np.maximum(drawn, 0.0))
+        out[noisy] = np.sqrt(np.mean(off[noisy] ** 2, axis=1))
+    return out
 
 
 def _colour_difference(measured: Measured, computed: np.ndarray) -> PerCandidate:

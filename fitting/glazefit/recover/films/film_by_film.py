@@ -83,7 +83,8 @@ def starts(
     cost = jnp.sum((lower + share[..., None] * step) ** 2, axis=-1)
     least = log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
 
-    cost = cost + jnp.nan_to_num(log_scattering - expected) ** 2
+    # Nothing expected, no pull.
+    cost = cost + jnp.where(jnp.isnan(expected), 0.0, log_scattering - expected) ** 2
     walled = jnp.pad(cost, 1, constant_values=jnp.inf)
     rows, columns = cost.shape
     around = jnp.stack([walled[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
@@ -131,7 +132,8 @@ def solve(film: Film, data: FilmData, shared: FilmShared, expected: ExpectedScat
         residuals, first, first, doubled, both_expected, rtol=1e-4, atol=1e-3, max_steps=20
     )
     misfit = jnp.sum(jax.vmap(scaled, in_axes=(0, 0, None))(ends, doubled, shared) ** 2, axis=1)
-    cost = (misfit + jnp.nan_to_num(ends[:, 1] - both_expected) ** 2).reshape(-1, 2)
+    off = jnp.where(jnp.isnan(both_expected), 0.0, ends[:, 1] - both_expected)
+    cost = (misfit + off**2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
     pair = ends.reshape(-1, 2, 2)

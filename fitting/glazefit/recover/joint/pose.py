@@ -150,10 +150,10 @@ def pose(
     gloss_sd = np.where(np.isnan(log_gloss), expected.gloss, GLOSS_SD)
     film_scale = np.column_stack([thickness_sd, gloss_sd, errors])
     # Of log k of all paints, then of log s, at each band.
-    logs = np.array([expected.level_k, expected.level_s], dtype=float).repeat(count, axis=0)
-    level, level_sd = np.tile(logs.T[:, None], (grid.size, 1))
+    means, sds = np.transpose([expected.level_k, expected.level_s])
+    level = np.tile(np.repeat(means, count), (grid.size, 1))
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
-    level_sd *= np.sqrt(grid.size)
+    level_sd = np.sqrt(grid.size) * np.tile(np.repeat(sds, count), (grid.size, 1))
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], count)
     black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
     step = expected.slope_s * np.sqrt(np.diff(grid) / 10.0)

@@ -102,7 +102,9 @@ class Unknowns(NamedTuple):
 
 
 class JointProblem(NamedTuple):
-    """Data and expectations as arrays; leading axis bands where they depend on it."""
+    """Model of a film, data and expectations; arrays have a leading axis of bands where they depend
+    on it.
+    """
 
     response: Response  # of a film
     reading: Float[Any, "bands films 2"]
@@ -145,10 +147,10 @@ def totals(unknowns: Unknowns, problem: JointProblem, sign: float = 1.0) -> Unkn
     """
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
     coefficients = unknowns.others @ problem.band_modes.reshape(-1, unknowns.bands.size)
-    first = np.eye(unknowns.films.shape[1])[0]
+    thickness_column = np.eye(unknowns.films.shape[1])[0]
     return unknowns._replace(
         bands=unknowns.bands + sign * coefficients.reshape(unknowns.bands.shape),
-        films=unknowns.films + sign * thickness[:, None] * first,
+        films=unknowns.films + sign * thickness[:, None] * thickness_column,
     )
 
 

@@ -66,7 +66,7 @@ class JointRecovery(FittedFilms):
         known_modes: known paint -> its error modes' numbers among the unknowns' `others`, and
             among its own.
         whole_covariance: covariance of all unknowns together.
-        problem: data and expectations as arrays, with readings that there are not left out.
+        problem: model of a film, data and expectations, with readings that there are not left out.
         gauged: whether thicknesses were measured.
     """
 

@@ -166,7 +166,7 @@ def predict_mixture(
         gloss = float(calibrated.gloss[0])
         errors_at = reading_errors(calibrated, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
-    errors = np.concatenate([np.zeros((1, 2, grid.size)), *off])
+    errors = [np.zeros((1, 2, grid.size)), *off]
     grounds = usual_cards(grid) if ground is None else ground
     surface = instrument.seen_surface * gloss
     out = []
@@ -175,8 +175,9 @@ def predict_mixture(
             raise ValueError(
                 f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6"
             )
-        spectra = film_readings(response, coefficients * metres, errors, grounds) + surface
-        mean, deviations = split_draws(spectra)
+        # Part by part: of so few films NumPy has the readings before JAX has compiled anything.
+        parts = [film_readings(response, coefficients * metres, part, grounds) for part in errors]
+        mean, deviations = split_draws(np.concatenate(parts) + surface)
         if errors_at is not None:
             shift, extra = errors_at(metres / UNIT, mean)
             mean = mean + shift

@@ -221,7 +221,7 @@ def rank_next_films(
     card_data = card_readings(recovery.films, recovery.instrument, recovery.noise)
     ground_sd = card_data.ground_sd[0, bands]
     films, paints = plan.shares.shape
-    none_known = np.zeros((0, films, 2))
+    no_modes = np.zeros((0, films, 2))
     planned = recovery.problem._replace(
         ground=recovery.problem.ground[bands, :1],
         shares=plan.shares,
@@ -229,8 +229,8 @@ def rank_next_films(
         minor=np.broadcast_to(np.eye(1, paints), (films, 1, paints)),
         opaque=np.zeros(films, dtype=bool),
         gloss=np.full(films, np.nan),
-        ground_modes=none_known,
-        gain_modes=none_known,
+        ground_modes=no_modes,
+        gain_modes=no_modes,
     )
     expected, moves = map(np.asarray, _linear_readings(draws, planned))
     # The fewer bands stand for all; with 8 a tint is thought to teach half as much.
