@@ -132,7 +132,8 @@ def solve(film: Film, data: FilmData, shared: FilmShared, expected: ExpectedScat
         residuals, first, first, doubled, both_expected, rtol=1e-4, atol=1e-3, max_steps=20
     )
     misfit = jnp.sum(jax.vmap(scaled, in_axes=(0, 0, None))(ends, doubled, shared) ** 2, axis=1)
-    off = jnp.where(jnp.isnan(both_expected), 0.0, ends[:, 1] - both_expected)
+    # Nothing expected, no pull.
+    off = jnp.nan_to_num(ends[:, 1] - both_expected)
     cost = (misfit + off**2).reshape(-1, 2)
     # The first unless the second is better by more than rounding.
     best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
