@@ -53,7 +53,6 @@ def table(tmp_path_factory):
         ("films.csv --bare", "give --ground too"),
         ("films.csv --thickness 0", "--thickness is 0"),
         ("films.csv --painted 16200", "--painted is 16200; it must be a whole number from -10000"),
-        ("films.csv --catalogue oils --painted 1620", "elements and years apply to families"),
         ("films.csv --csv same.csv --residuals same.csv", "are both same.csv"),
         (
             "films.csv --report report.pdf",
