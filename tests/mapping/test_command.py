@@ -181,6 +181,7 @@ def mapped(monkeypatch) -> list[dict]:
         ("none.hdr --opaque --out none/map.zarr", "does not exist"),
         ("none.hdr --opaque --csv a.nc --export a.nc", "are both a.nc"),
         ("none.hdr --opaque --report map.zarr", "are both map.zarr"),
+        ("none.hdr --opaque --report map.html", "name a folder for them, such as map"),
         ("none.hdr --opaque --scheduler tcp://127.0.0.1:1", "there is no such file"),
     ],
 )

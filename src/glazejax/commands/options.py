@@ -748,6 +748,10 @@ def check_outputs(
             check_output(path, overwrite=overwrite, argument=option)
 
 
+# Of single files, which a user may expect in place of a folder.
+_FILE_ENDINGS = (".csv", ".html", ".json", ".nc", ".pdf", ".png", ".svg", ".tsv")
+
+
 def check_folder(
     out: Path | None,
     overwrite: bool,
@@ -766,13 +770,19 @@ def check_folder(
         inputs: files that are read, which no result may replace.
 
     Raises:
-        ValueError: no folder was named, or a file that is read lies there.
+        ValueError: no folder was named, a name that ends as a file's does, or a file that is read
+            lies there.
         FileExistsError: it is a file, or a folder that is not empty.
     """
     if out is None:
         raise ValueError(f"say where the results go: {argument} FOLDER")
     if out.exists() and not out.is_dir():
         raise FileExistsError(f"{argument} {out} is a file; name a folder")
+    if not out.exists() and out.suffix.lower() in _FILE_ENDINGS:
+        raise ValueError(
+            f"{argument} {out}: several files are written; name a folder for them, such as "
+            f"{out.with_suffix('')}"
+        )
     if out.is_dir() and any(out.iterdir()) and not overwrite:
         raise FileExistsError(
             f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite"
