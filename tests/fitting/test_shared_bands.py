@@ -3,9 +3,12 @@ one.
 """
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazefit.film.shared_bands import shared_bands
+from glazefit import IdentificationOptions
+from glazefit.film.shared_bands import SEARCHED, means_of_steps, shared_bands
+from glazefit.identify.search.searcher import Searcher
 from glazejax import catalogue
 from glazejax.spectra import common_range
 
@@ -32,3 +35,12 @@ def test_bands_that_fit_stay_as_they_are():
     assert bands.notes == ()
     assert_array_equal(bands.wavelengths, grid)
     assert_array_equal(bands.mean, np.eye(grid.size))
+
+
+@pytest.mark.parametrize("count", [61, 121, 151, 200, 301, 601])
+def test_bands_that_were_averaged_are_not_averaged_again(count):
+    """Means of 6 and 7 of 200 bands lie 9.8 nm apart: nearer than the steps of 10."""
+    grid = np.linspace(400.0, 700.0, count)
+    grid = grid @ means_of_steps(grid, SEARCHED)
+    assert means_of_steps(grid, SEARCHED) is None
+    assert Searcher.of(grid, catalogue.load(), IdentificationOptions()).averaged is None

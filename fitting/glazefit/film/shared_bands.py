@@ -123,10 +123,15 @@ def average(films: Films, step: float = 5.0) -> Films:
 
 
 def means_of_steps(grid: Bands, step: float) -> Float[np.ndarray, "bands new"] | None:
-    """Matrix that averages bands to steps, nm; None if they are no finer than that."""
+    """Matrix that averages bands to steps, nm; None if they are no finer than that, or were
+    averaged to them before.
+    """
     if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
         return None
-    _, index = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
+    steps, index = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
+    # Means of unequal numbers of bands lie nearer to each other than the steps do.
+    if steps.size == grid.size:
+        return None
     matrix = (index[:, None] == np.arange(index.max() + 1)).astype(float)
     return matrix / matrix.sum(axis=0)
 
