@@ -117,8 +117,6 @@ def average(films: Films, step: float = 5.0) -> Films:
 
     By default to 5 nm: k and s of paint change little over it.
     """
-    if means_of_steps(films.wavelengths, step) is None:
-        return films
     return every_band(films.wavelengths).in_steps(step).of(films)
 
 
