@@ -41,6 +41,8 @@ def test_bands_that_fit_stay_as_they_are():
 def test_bands_that_were_averaged_are_not_averaged_again(count):
     """Means of 6 and 7 of 200 bands lie 9.8 nm apart: nearer than the steps of 10."""
     grid = np.linspace(400.0, 700.0, count)
-    grid = grid @ means_of_steps(grid, SEARCHED)
-    assert means_of_steps(grid, SEARCHED) is None
-    assert Searcher.of(grid, catalogue.load(), IdentificationOptions()).averaged is None
+    mean = means_of_steps(grid, SEARCHED)
+    assert mean is not None
+    averaged = grid @ mean
+    assert means_of_steps(averaged, SEARCHED) is None
+    assert Searcher.of(averaged, catalogue.load(), IdentificationOptions()).averaged is None
