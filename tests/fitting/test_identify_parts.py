@@ -15,6 +15,7 @@ from glazefit.film.model.errors import (
     Prior,
     draw_model_errors,
     model_correlation,
+    principal_modes,
     relative_errors,
     smooth_kernel,
     whitening,
@@ -56,6 +57,15 @@ def test_errors_at_two_wavelengths_go_together_as_materns():
     assert_allclose(kernel[np.triu_indices(4, 1)], 2.0**-0.5 / gamma(1.5) * d**1.5 * kv(1.5, d))
     assert_array_equal(np.diagonal(kernel), 1.0)
     assert_array_equal(kernel, kernel.T)
+
+
+def test_modes_of_errors_are_the_same_where_eigenvectors_have_other_signs(monkeypatch):
+    kernel = smooth_kernel(GRID, 80.0)
+    modes = principal_modes(kernel)
+    assert_allclose(modes.T @ modes, kernel, atol=1e-12)
+    values, vectors = np.linalg.eigh(kernel)
+    monkeypatch.setattr(np.linalg, "eigh", lambda _: (values, -vectors))
+    assert_array_equal(principal_modes(kernel), modes)
 
 
 def test_random_errors_of_the_model_have_its_covariance():

@@ -184,10 +184,13 @@ def smooth_modes(wavelengths: Bands, length: float, count: int) -> Float[np.ndar
 
 def principal_modes(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "modes n"]:
     """Modes of errors of this covariance, each as large as its standard deviation, smallest first:
-    eigenvectors times the roots of their eigenvalues.
+    eigenvectors times the roots of their eigenvalues, of which the first large number is positive.
     """
     values, vectors = np.linalg.eigh(covariance)
-    return (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    # An eigenvector has no sign of its own, and libraries differ: draws by modes would differ, too.
+    large = np.abs(vectors) > 0.5 * np.abs(vectors).max(axis=0)
+    signs = np.sign(np.take_along_axis(vectors, large.argmax(axis=0)[None], axis=0))
+    return (vectors * signs * np.sqrt(np.maximum(values, 0.0))).T
 
 
 def model_correlation(
