@@ -245,6 +245,7 @@ MAP = np.full((2, 2), 3e-6)
         ({"thickness": MAP, "kind": "jpg"}, "kind is 'jpg'; choose png or exr"),
         ({"thickness": MAP, "space": "acescg"}, "PNG holds sRGB: write kind='exr' for ACEScg"),
         ({"thickness": MAP, "delta_e": 0.0}, "delta_e is 0.0; it must be positive"),
+        ({"thickness": MAP, "name": "my glaze"}, "the material's name is 'my glaze'; use letters"),
     ],
 )
 def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):

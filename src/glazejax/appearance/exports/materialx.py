@@ -55,10 +55,7 @@ def write_materialx(
     path = Path(path)
     if path.suffix.lower() != ".mtlx":
         raise ValueError(f"{path}: a MaterialX file ends in .mtlx")
-    if not name.isidentifier() or not name.isascii() or name.startswith("_"):
-        raise ValueError(
-            f"the material's name is {name!r}; use letters, digits and _, beginning with a letter"
-        )
+    check_name(name)
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     material, colour_space, comment = (
         (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _describe_fit(fit)
@@ -91,6 +88,18 @@ def write_materialx(
         '<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8"
     )
     return path
+
+
+def check_name(name: str) -> None:
+    """Refuse what MaterialX does not take as a material's name.
+
+    Raises:
+        ValueError: it is not letters, digits and underscores, beginning with a letter.
+    """
+    if not name.isidentifier() or not name.isascii() or name.startswith("_"):
+        raise ValueError(
+            f"the material's name is {name!r}; use letters, digits and _, beginning with a letter"
+        )
 
 
 def _describe_fit(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:

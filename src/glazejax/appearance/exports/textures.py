@@ -19,7 +19,7 @@ from ..image_files import FORMATS, normals, write_image
 from .angles import Viewing, angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
 from .mapped import Colours, MappedGlaze, mapped_colours
-from .materialx import ImageNode, write_materialx
+from .materialx import ImageNode, check_name, write_materialx
 from .openpbr import COLOURS, OpenPBR, paint_surface
 from .rgb import SPACES, outside
 from .rgb import delta_e as difference
@@ -104,6 +104,7 @@ def texture_set(
     # Wrong input is refused before anything is computed.
     linear_space = find_space(space)
     check_roughness(roughness)
+    check_name(name)
     if kind not in FORMATS:
         raise ValueError(f"kind is {kind!r}; choose {' or '.join(FORMATS)}")
     if kind == "png" and linear_space != "lin_rec709":
