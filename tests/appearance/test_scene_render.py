@@ -304,6 +304,13 @@ def test_pictures_and_spectra_are_written(tmp_path, picture):
         save_spectral(tmp_path / "a.txt", picture)
 
 
+def test_spectra_have_the_name_that_was_given(tmp_path, picture):
+    save_spectral(tmp_path / "a.NPZ", picture)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.NPZ"]
+    with np.load(tmp_path / "a.NPZ") as stored:
+        assert_array_equal(stored["wavelengths"], GRID)
+
+
 def test_spectra_in_openexr(tmp_path, picture):
     OpenEXR = pytest.importorskip("OpenEXR")
     save_spectral(tmp_path / "a.exr", picture)

@@ -138,7 +138,9 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
     path = Path(path)
     radiance = rendered.radiance.astype(np.float32)
     if path.suffix.lower() == ".npz":
-        np.savez_compressed(path, radiance=radiance, wavelengths=rendered.wavelengths)
+        # Opened here: NumPy adds .npz to a name that ends otherwise, such as in .NPZ.
+        with path.open("wb") as file:
+            np.savez_compressed(file, radiance=radiance, wavelengths=rendered.wavelengths)
         return
     check_spectral(path)
     # The layout has a comma in the wavelength, and a point after S0.
