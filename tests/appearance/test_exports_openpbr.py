@@ -277,6 +277,20 @@ def test_a_fit_says_how_much_its_space_cannot_hold(truth):
     assert fit_openpbr(blue_glaze()).outside > 0.5
 
 
+def test_the_error_under_a_rough_surface_is_the_one_the_solver_was_asked_for(monkeypatch):
+    asked = set()
+
+    def factor(albedo, *_, cos_incidence, tolerance, **__):
+        asked.add(tolerance)
+        return np.zeros((len(cos_incidence), len(albedo)))
+
+    monkeypatch.setattr("glazejax.radiative.rough.reflectance.rough_reflectance_factor", factor)
+    for tolerance in (1e-6, 1e-2):
+        asked.clear()
+        rough = angular_colour(blue_glaze(), roughness=0.3, tolerance=tolerance)
+        assert asked == {rough.error}
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

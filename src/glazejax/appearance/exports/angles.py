@@ -29,6 +29,8 @@ VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
 # Pairs of angles of which a rough surface's light is computed together.
 _PAIRS = 15
+# No finer than this under a rough surface: a fit leaves more.
+_ROUGH_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class AngularColour:
         roughness: alpha of the surface's GGX facets, 0 where it is smooth.
         space: linear RGB, see `spaces.Space`.
         light: illuminant and observer.
-        error: largest error of a reflectance factor that the table of angles has, as it estimates
-            it.
+        error: largest error of a reflectance factor: that the table of angles has, as it estimates
+            it, or under a rough surface that the solver was asked for.
     """
 
     cosines: Angles
@@ -95,7 +97,8 @@ def angular_colour(
         space: "srgb" (linear sRGB) or "acescg".
         illuminant, observer: of the colours, see `glazejax.colour.colour_weights`; the illuminant's
             white becomes the space's.
-        tolerance: absolute error wanted of a reflectance factor.
+        tolerance: absolute error wanted of a reflectance factor; 1e-4 at least under a rough
+            surface.
         progress: called with the pairs of angles that are done.
 
     Raises:
@@ -129,7 +132,7 @@ def angular_colour(
             spectra[one, two] = spectra[two, one] = pair_spectra(
                 single, cosines[one], cosines[two], roughness, tolerance
             )
-        error = tolerance
+        error = max(tolerance, _ROUGH_TOLERANCE)
         surface = surface_albedo(cosines, roughness=roughness, refractive_index=index)
     else:
         table = glaze_table(single, grid, tolerance=tolerance)
@@ -164,7 +167,6 @@ def pair_spectra(
     if roughness > 0:
         from ...radiative.rough.reflectance import rough_reflectance_factor
 
-        # No finer than this under a rough surface: a fit leaves more.
         factor = rough_reflectance_factor(
             glaze.albedo,
             glaze.optical_thickness,
@@ -173,7 +175,7 @@ def pair_spectra(
             refractive_index=glaze.refractive_index,
             cos_incidence=cos_in[batch],
             cos_viewing=cos_out[batch],
-            tolerance=max(tolerance, 1e-4),
+            tolerance=max(tolerance, _ROUGH_TOLERANCE),
         )
         return np.asarray(factor, float)
     return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
