@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import Glaze, Layer, Mixture, Pigment, catalogue, stack_reflectance_factor
 from glazejax.appearance.mitsuba import glaze_bsdf
-from glazejax.appearance.mitsuba.bsdf import _table
+from glazejax.appearance.mitsuba.bsdf import _table, _text_of
 from glazejax.appearance.mitsuba.coats import on_even_grid
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.stacks import read_stack
@@ -173,6 +173,20 @@ def test_a_file_of_the_studio(mitsuba, tmp_path):
     path.write_text(json.dumps(stack | {"ground": 0.1}))
     dark = loaded(mitsuba, coats=str(path))
     assert factor(mitsuba, dark, 0.5, 0.9).mean() < 0.8 * factor(mitsuba, bsdf, 0.5, 0.9).mean()
+
+
+def test_coats_of_a_text_longer_than_a_files_name_may_be(mitsuba, blue):
+    bsdf = loaded(mitsuba, coats=BLUE.replace(", ", "," + " " * 300))
+    assert_array_equal(factor(mitsuba, bsdf, 0.5, 0.9), factor(mitsuba, blue, 0.5, 0.9))
+    # A name that cannot be is refused by the reader.
+    with pytest.raises(RuntimeError, match="cannot be read: File name too long"):
+        loaded(mitsuba, coats="a" * 300 + ".json")
+
+
+def test_blanks_around_a_files_name_do_not_keep_what_it_held(tmp_path):
+    path = tmp_path / "s.json"
+    path.write_text(WHITE)
+    assert _text_of(f" {path} ") == WHITE
 
 
 def test_wavelengths_beyond_the_paints_are_those_of_the_ends(mitsuba, blue):

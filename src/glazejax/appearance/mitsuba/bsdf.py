@@ -6,12 +6,14 @@ from behind meets black, as in Mitsuba's plastics; wrap the glaze in ``twosided`
 are seen from both sides.
 """
 
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
 
+from ...paint.describe import names_file
 from ..glaze.solve import check_layer, with_variables
 from . import table
 from .coats import index_of, read_coats
@@ -358,6 +360,11 @@ def _text_of(coats: str) -> str:
     """Coats, and for a file what it holds: another file of the same name is another glaze."""
     from pathlib import Path
 
-    if not coats.lstrip().startswith("{") and Path(coats).is_file():
-        return Path(coats).read_text(encoding="utf-8")
+    name = coats.strip()
+    if name.startswith("{") or not names_file(name):
+        return coats
+    # What cannot be read is left to `read_coats`, whose errors name the file.
+    with suppress(OSError, ValueError):
+        if Path(name).is_file():
+            return Path(name).read_text(encoding="utf-8")
     return coats
