@@ -223,6 +223,16 @@ def test_a_small_scene_is_what_its_file_says(read):
         ),
         (
             'coats = "U',
+            'thickness_layer = 1\ncoats = "U',
+            r"thickness_layer: has no meaning without",
+        ),
+        (
+            'coats = "U',
+            'thickness_layer = "top"\ncoats = "U',
+            r"thickness_layer: must be a whole number, not 'top'",
+        ),
+        (
+            'coats = "U',
             'thickness_map = "wedge"\ncoats = "U',
             r"thickness_range: must be the thickness of black",
         ),

@@ -55,7 +55,7 @@ class _GlazeKeys(Keys, tag_field="kind", tag="glaze"):
     gloss: Flag = True
     roughness: Number = 0.0
     thickness_map: Text = ""
-    thickness_layer: Whole = 1
+    thickness_layer: Whole | None = None
     thickness_range: Lengths | None = None
 
 
@@ -114,13 +114,12 @@ def _thickness(
 ) -> tuple[np.ndarray | None, int]:
     """Map of a layer's thickness, m, and which layer it is, counted from 0."""
     file = material.thickness_map
-    layer = material.thickness_layer
     if not file:
-        if material.thickness_range is not None:
-            raise table.error(
-                "thickness_range", "has no meaning without thickness_map, a grey picture"
-            )
+        for key in ("thickness_layer", "thickness_range"):
+            if getattr(material, key) is not None:
+                raise table.error(key, "has no meaning without thickness_map, a grey picture")
         return None, 0
+    layer = 1 if material.thickness_layer is None else material.thickness_layer
     if not 1 <= layer <= coats:
         raise table.error(
             "thickness_layer", f"is {layer}, but there are {coats} coats, the top one is 1"
