@@ -315,6 +315,14 @@ def test_a_ground_that_no_paint_meets_is_named(here):
         ("--space ACEScg --pixel 5um", "--pixel is for textures: add --to textures"),
         ("--space rgb", "the colour space 'rgb' is not known"),
         ("--thickness-map a.npy", "--thickness-map is for textures"),
+        ("--layer 2", "--layer is for textures: add --to textures"),
+        ("--format exr", "--format is for textures"),
+        ("--delta-e 1", "--delta-e is for textures"),
+        (
+            "--to textures --thickness-map a.npy --layering reciprocal",
+            "--layering is for openpbr: leave it out, or give --to openpbr",
+        ),
+        ("--to textures --thickness-map a.npy --tolerance 1e-3", "--tolerance is for openpbr"),
     ],
 )
 def test_wrong_options_are_one_sentence(here, words, complaint):
@@ -327,7 +335,7 @@ def test_wrong_options_are_one_sentence(here, words, complaint):
     ("words", "stages"),
     [
         (
-            ["--roughness", "0.3", "--no-coat"],
+            ["--roughness", "0.3", "--no-coat", "--tolerance", "0.01"],
             ["computing pairs of angles", "fitting the material"],
         ),
         (
@@ -339,7 +347,7 @@ def test_wrong_options_are_one_sentence(here, words, complaint):
 def test_without_a_terminal_lines_say_how_far_an_export_is(here, monkeypatch, words, stages):
     monkeypatch.setattr(progress, "lines", partial(progress.lines, 0.001))
     np.save("ramp.npy", np.linspace(1e-6, 4e-6, 80)[None])
-    done = export("Eosin:3um", "--tolerance", "0.01", *words)
+    done = export("Eosin:3um", *words)
     for stage in stages:
         shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", done.stderr, re.MULTILINE)
         assert len({*shares}) > 1, stage

@@ -162,14 +162,21 @@ def export(
     started = time.perf_counter()
     from .main import start_jax
 
-    of_maps = {
+    for_textures = {
         "--thickness-map": thickness_map,
         "--fraction-map": fraction_map,
         "--ground-map": ground_map,
         "--thickness-range": thickness_range,
         "--pixel": pixel,
+        "--layer": None if layer == 1 else layer,
+        "--format": None if format == "png" else format,
+        "--delta-e": None if delta_e == 0.1 else delta_e,
     }
-    _check_maps(to, of_maps)
+    for_openpbr = {
+        "--layering": None if layering == "materialx" else layering,
+        "--tolerance": None if tolerance == 1e-4 else tolerance,
+    }
+    _check_kind(to, for_textures, for_openpbr)
     path = Path(_USUAL[to]) if out is None else out
     if to == "openpbr" and path.suffix.lower() != ".mtlx":
         raise ValueError(f"--out {path}: a MaterialX file ends in .mtlx")
@@ -238,12 +245,17 @@ def export(
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 
-def _check_maps(to: str, of_maps: dict[str, Any]) -> None:
-    """Refuse what cannot be meant, before anything is loaded."""
-    options_set = [option for option, value in of_maps.items() if value is not None]
-    if to != "textures" and options_set:
-        raise ValueError(f"{options_set[0]} is for textures: add --to textures")
-    if to == "textures" and not any(option.endswith("-map") for option in options_set):
+def _check_kind(to: str, for_textures: dict[str, Any], for_openpbr: dict[str, Any]) -> None:
+    """Refuse what cannot be meant, before anything is loaded; None is what was left out."""
+    of_textures, of_openpbr = (
+        [option for option, value in values.items() if value is not None]
+        for values in (for_textures, for_openpbr)
+    )
+    if to != "textures" and of_textures:
+        raise ValueError(f"{of_textures[0]} is for textures: add --to textures")
+    if to != "openpbr" and of_openpbr:
+        raise ValueError(f"{of_openpbr[0]} is for openpbr: leave it out, or give --to openpbr")
+    if to == "textures" and not any(option.endswith("-map") for option in of_textures):
         raise ValueError(
             "textures need a map that says what changes: add --thickness-map FILE, "
             "--fraction-map FILE or --ground-map FILE"
