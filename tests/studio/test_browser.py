@@ -274,6 +274,28 @@ def test_maps_are_saved_and_loaded(page, downloads):
     page.until(lambda: shows(4), "the ramp again")
 
 
+@pytest.mark.slow
+def test_paint_of_millimetres_is_brushed_linked_and_loaded(page, downloads):
+    thick = with_top(2000)
+    page.open_stack(thick)
+    page.canvas().send_keys(Keys.ARROW_LEFT * 8 + "   ")
+
+    def shows(x, y, side):
+        return off(page, "easel", x, y, thick, side) <= 4
+
+    page.until(lambda: shows(384.5 / 1024, 0.5, "white"), "the touch")
+    page.until(lambda: "maps" in page.browser.current_url, "the link")
+    page.open("#" + page.browser.current_url.partition("#")[2])
+    page.canvas()
+    page.until(lambda: shows(384.5 / 1024, 0.5, "white"), "the touch of the link")
+    for metres in (0.011, 2e-3):
+        np.save(downloads / "thick.npy", np.full((8, 8), metres))
+        page.drop(downloads / "thick.npy", "map-file")
+        if metres > 0.01:
+            page.hear("thickness is in metres there, between 0 and 0.01")
+    page.until(lambda: shows(0.995, 0.5, "black"), "the file")
+
+
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.press("tab-away")
     page.press("csv")

@@ -1,6 +1,6 @@
 // The stack: coats top first, each with a slider, a number, its paints, and a handle to move it by hand or by arrow keys.
 import { ROW } from "./seen.js";
-import { SIZE, THICKEST, THINNEST } from "./store.js";
+import { MOST_UM, SIZE, THICKEST, THINNEST } from "./store.js";
 import { el, hex, icon, inkOn, thickness } from "./dom.js";
 
 // Pixels along the little picture of where a coat was brushed.
@@ -54,11 +54,11 @@ export function coatsPanel(store) {
       oninput: () => set(fromSlider(Number(slider.value))), onchange: () => store.settle(), onfocus: () => select(coat.id),
     });
     const number = el("input.um", {
-      type: "number", min: 0, max: 10000, step: "any", value: short(coat.um), "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
+      type: "number", min: 0, max: MOST_UM, step: "any", value: short(coat.um), "aria-label": `Thickness of ${store.label(coat)} in micrometres`, "data-at": "um",
       onchange: () => {
         const value = Number(number.value);
-        if (!number.value || !(value >= 0 && value <= 10000)) {
-          store.say(`A coat of ${number.value || "no"} µm cannot be: it is between 0 and 10000 µm (1 cm) thick.`, "error");
+        if (!number.value || !(value >= 0 && value <= MOST_UM)) {
+          store.say(`A coat of ${number.value || "no"} µm cannot be: it is between 0 and ${MOST_UM} µm (1 cm) thick.`, "error");
           number.value = short(store.coat(coat.id).um);
           return;
         }

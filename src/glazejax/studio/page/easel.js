@@ -1,7 +1,7 @@
 // The canvas: a map of thickness for each brushed coat, turned into colour by a table.
 import { el, save } from "./dom.js";
 import { makePainter } from "./painter.js";
-import { SIZE } from "./store.js";
+import { MOST_UM, SIZE } from "./store.js";
 import { Combinations, MOST_TABLED, fillLevels, levelOf, makeTable, tableSteps } from "./table.js";
 
 // Strokes that can be taken back.
@@ -144,7 +144,7 @@ export function easelPanel(store) {
     }
   }
   // The table's range, as far as a stroke will reach: powers of two, so that it is seldom made again.
-  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat) || coat.um))));
+  const top = (coat) => Math.min(MOST_UM, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat) || coat.um))));
   const heights = new WeakMap();
   function tallest(coat) {
     const map = store.maps.get(coat.id);
@@ -239,25 +239,26 @@ export function easelPanel(store) {
       box = join(box, spot(map, x, y, radius, kind, to.force, coat.um));
     }
     // What a stroke can reach at most; to look through a million pixels takes longer than to paint them.
-    heights.set(map, Math.max(heights.get(map), kind === "wipe" ? 0 : kind === "wash" ? 4 * coat.um : (coat.um * Math.max(from.force, to.force)) / 0.6));
+    heights.set(map, Math.max(heights.get(map), kind === "wipe" ? 0 : reach(kind, Math.max(from.force, to.force), coat.um)));
     if (!box || !(box.w > 0 && box.h > 0)) return;
     if (stepped.get(map)?.top === top(coat)) {
       changeSteps(map, box);
       ask(box);
     } else ask(whole());
   }
+  const reach = (kind, force, um) => Math.min(MOST_UM, kind === "wash" ? 4 * um : (um * force) / 0.6);
   // One touch: soft at its edge. A brush lays up to the coat's thickness, a wash a little more each time.
   function spot(map, cx, cy, radius, kind, force, um) {
     const x0 = Math.max(0, Math.floor(cx - radius)), x1 = Math.min(SIZE, Math.ceil(cx + radius + 1));
-    const y0 = Math.max(0, Math.floor(cy - radius)), y1 = Math.min(SIZE, Math.ceil(cy + radius + 1));
+    const y0 = Math.max(0, Math.floor(cy - radius)), y1 = Math.min(SIZE, Math.ceil(cy + radius + 1)), most = reach(kind, force, um);
     for (let y = y0; y < y1; y++) {
       for (let x = x0; x < x1; x++) {
         const far = Math.hypot(x - cx, y - cy) / radius;
         if (far >= 1) continue;
         const soft = kind === "wash" ? (1 - far * far) ** 2 : Math.min(1, (1 - far) * 3), at = y * SIZE + x;
         if (kind === "wipe") map[at] *= 1 - soft * force;
-        else if (kind === "wash") map[at] = Math.min(4 * um, map[at] + 0.06 * um * soft * force);
-        else map[at] = Math.max(map[at], map[at] + (um * (force / 0.6) - map[at]) * soft * 0.8);
+        else if (kind === "wash") map[at] = Math.min(most, map[at] + 0.06 * um * soft * force);
+        else map[at] = Math.max(map[at], map[at] + (most - map[at]) * soft * 0.8);
       }
     }
     return { x: x0, y: y0, w: Math.max(0, x1 - x0), h: Math.max(0, y1 - y0) };
@@ -321,6 +322,7 @@ export function easelPanel(store) {
     const grey = el("canvas", { width: SIZE, height: SIZE }), pen2 = grey.getContext("2d");
     pen2.drawImage(image, 0, 0, SIZE, SIZE);
     const named = /white=([\d.]+)um/.exec(given.name), most = named ? Number(named[1]) : coat.um;
+    if (!(most <= MOST_UM)) throw new Error(`white is ${named[1]} µm by its name; it must be at most ${MOST_UM}`);
     const { data } = pen2.getImageData(0, 0, SIZE, SIZE);
     return Float32Array.from({ length: SIZE * SIZE }, (_, i) => (((data[4 * i] + data[4 * i + 1] + data[4 * i + 2]) / 765) * most));
   }
@@ -334,7 +336,7 @@ export function easelPanel(store) {
     const [rows, columns] = [Number(shape[1]), Number(shape[2])], Kind = kind.endsWith("8") ? Float64Array : Float32Array;
     if (rows * columns * Kind.BYTES_PER_ELEMENT > buffer.byteLength - at) throw new Error("it ends too early");
     const values = new Kind(buffer.slice(at, at + rows * columns * Kind.BYTES_PER_ELEMENT));
-    if (values.some((value) => !(value >= 0 && value <= 1e-3))) throw new Error("thickness is in metres there, between 0 and 0.001");
+    if (values.some((value) => !(value >= 0 && value <= MOST_UM * 1e-6))) throw new Error("thickness is in metres there, between 0 and 0.01");
     return Float32Array.from({ length: SIZE * SIZE }, (_, i) => {
       const [row, column] = [Math.floor(((i / SIZE) | 0) * (rows / SIZE)), Math.floor((i % SIZE) * (columns / SIZE))];
       return values[row * columns + column] * 1e6;

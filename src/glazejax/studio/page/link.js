@@ -1,7 +1,7 @@
 // All that is on the page as a link: the stack, how it is looked at, and what was brushed, as small pictures.
 import { checkLamp } from "./check.js";
 import { Sentence } from "./seen.js";
-import { SIZE, freshView } from "./store.js";
+import { MOST_UM, SIZE, freshView } from "./store.js";
 
 // Pixels along a map in a link, the most that fit; and the letters of a link that every program still carries.
 const SMALL = [128, 64, 32];
@@ -35,7 +35,7 @@ function drawMap(map, small) {
 }
 
 async function pictureToMap({ top, png }) {
-  if (!(top > 0 && top <= 1000) || typeof png !== "string") throw new Sentence("what was brushed cannot be read from the link");
+  if (!(top > 0 && top <= MOST_UM) || typeof png !== "string") throw new Sentence("what was brushed cannot be read from the link");
   const bytes = Uint8Array.from(atob(png.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0)), image = await createImageBitmap(new Blob([bytes]));
   const pen = Object.assign(document.createElement("canvas"), { width: SIZE, height: SIZE }).getContext("2d", { willReadFrequently: true });
   pen.drawImage(image, 0, 0, SIZE, SIZE);

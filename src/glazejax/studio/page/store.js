@@ -6,6 +6,8 @@ import { SCREEN_WHITE, srgb, xyzOfLab } from "./solver.js";
 const KEPT = 60;
 export const THINNEST = 0.1;
 export const THICKEST = 200;
+// A coat in µm at most, here and in `glazejax`; the sliders end before.
+export const MOST_UM = 10000;
 export const SIZE = 1024;
 
 export function fresh() {
