@@ -296,6 +296,24 @@ def test_paint_of_millimetres_is_brushed_linked_and_loaded(page, downloads):
     page.until(lambda: shows(0.995, 0.5, "black"), "the file")
 
 
+@pytest.mark.slow
+def test_a_wash_takes_nothing_off(page):
+    page.open_stack(with_top(8))
+    canvas = page.canvas()
+    canvas.send_keys(Keys.ARROW_RIGHT * 8 + "   ")
+
+    def shows():
+        return off(page, "easel", 640.5 / 1024, 0.5, with_top(8), "black") <= 4
+
+    page.until(shows, "the touch")
+    page.choose("um", 0.5)
+    page.choose("tool", "wash")
+    done = int(canvas.get_attribute("data-done"))
+    canvas.send_keys(" ")
+    page.until(lambda: int(canvas.get_attribute("data-done")) > done, "the wash")
+    assert shows()
+
+
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.press("tab-away")
     page.press("csv")

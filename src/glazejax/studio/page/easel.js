@@ -257,7 +257,7 @@ export function easelPanel(store) {
         if (far >= 1) continue;
         const soft = kind === "wash" ? (1 - far * far) ** 2 : Math.min(1, (1 - far) * 3), at = y * SIZE + x;
         if (kind === "wipe") map[at] *= 1 - soft * force;
-        else if (kind === "wash") map[at] = Math.min(most, map[at] + 0.06 * um * soft * force);
+        else if (kind === "wash") map[at] = Math.max(map[at], Math.min(most, map[at] + 0.06 * um * soft * force));
         else map[at] = Math.max(map[at], map[at] + (most - map[at]) * soft * 0.8);
       }
     }
