@@ -22,8 +22,16 @@ from glazefit.film.model.errors import (
 )
 from glazefit.film.model.response import film_response
 from glazefit.film.numerics.least_squares import inverse_small
-from glazefit.identify.search.fit import Weights, fit_films, log_prior, log_set_prior
+from glazefit.identify.search.fit import (
+    Fitted,
+    Weights,
+    fit_films,
+    log_prior,
+    log_set_prior,
+    pool_of,
+)
 from glazefit.identify.search.options import IdentificationOptions
+from glazefit.identify.search.pool import NOBODY
 from glazefit.identify.search.screen import grow, score
 from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.table import Paints, film_table, sets_of
@@ -282,6 +290,23 @@ def test_sets_of_a_size_share_what_is_expected_of_it(largest):
         wide = np.pad(sets, ((0, 0), (0, 3 - size)), constant_values=-1)
         assert_allclose(np.exp(log_set_prior(task, wide)), found)
     assert np.exp(log_set_prior(task, np.full((1, 3), -1)))[0] == 0
+
+
+def test_a_place_without_a_paint_has_no_amount():
+    """Sets of one paint are fitted in two places, of which the second starts at a usual amount."""
+    amounts = np.array([[[0.5, 1.0], [0.2, 0.3]]])
+    fitted = Fitted(
+        logs=np.log(amounts),
+        covariance=np.zeros((1, 2, 2, 2)),
+        log_evidence=np.zeros((1, 2)),
+        readings=np.zeros((1, 2, GRID.size)),
+    )
+    task: Any = SimpleNamespace(
+        prior=Prior(), max_paints=2, paint_count=3, extenders=np.zeros(3, bool)
+    )
+    pool = pool_of(task, np.array([[[0, NOBODY], [1, 2]]]), fitted)
+    for logs in (pool.logs, pool.weighed):
+        assert_allclose(np.exp(logs), [[[0.5, 0.0, 0.0], [0.2, 0.3, 0.0]]])
 
 
 def test_what_is_expected_of_sets_is_in_the_weight_of_every_candidate():

@@ -157,9 +157,11 @@ def pool_of(task: IdentificationTask, sets: np.ndarray, fitted: Fitted) -> Pool:
     """Fitted candidates of one coat with room for three paints each."""
     size = sets.shape[-1]
     room = ((0, 0), (0, 0), (0, 3 - size))
-    logs = np.pad(fitted.logs, room, constant_values=-np.inf)
+    members = np.pad(sets, room, constant_values=NOBODY)
+    # A place without a paint was fitted, too, and says nothing.
+    logs = np.where(members == NOBODY, -np.inf, np.pad(fitted.logs, room))
     return Pool(
-        members=np.pad(sets, room, constant_values=NOBODY),
+        members=members,
         coats=np.pad(np.zeros_like(sets), room),
         logs=logs,
         weighed=logs,
