@@ -146,8 +146,11 @@ class Prior:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise ValueError(f"the prior's {name} is {value:g}; it must be positive")
-        if not min(self.sizes) > 0:
-            raise ValueError("the probabilities of sizes must be positive")
+        if len(self.sizes) != 3 or not all(0 < size < np.inf for size in self.sizes):
+            raise ValueError(
+                f"the prior's sizes are {self.sizes}; they must be three positive numbers: how "
+                "probable films of one, two and three paints are"
+            )
         if not (0 < self.unknown < 1 and 0 < self.stacked < 1 and 0 < self.extender <= 1):
             raise ValueError(
                 "the probabilities `unknown`, `stacked` and `extender` lie between 0 and 1"
