@@ -432,6 +432,25 @@ def test_films_over_different_grounds_keep_their_order(mockups, others):
         assert both.none[row] == pytest.approx(alone.none[0], abs=0.05)
 
 
+def test_answers_do_not_depend_on_what_was_searched_before(others, monkeypatch):
+    """How sure a search may be once came from the first one, over whatever ground that was."""
+    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
+    grounds = np.array([0.3, 0.9])
+    reading = np.interp(GRID, [420.0, 480.0, 560.0, 620.0, 690.0], [0.25, 0.3, 0.15, 0.1, 0.2])
+
+    def chances(rows, *, hidden_before):
+        monkeypatch.setattr(set_up, "_SEARCHES", {})
+        if hidden_before:
+            identify(GRID, reading, few, opaque=True, max_paints=1)
+        below = grounds[rows][:, None, None] * np.ones(GRID.size)
+        spectra = np.tile(reading, (2, 1, 1))
+        return identify(GRID, spectra, few, ground=below, max_paints=1).none
+
+    first = chances([0, 1], hidden_before=False)
+    assert first[0] != first[1]
+    assert chances([1, 0], hidden_before=True)[::-1] == pytest.approx(first, rel=1e-9, abs=0.0)
+
+
 # ---- varnish -------------------------------------------------------------------------------------
 
 

@@ -77,28 +77,19 @@ def prepare_search(
         (p.name, p.family, p.source, digest(p.wavelengths, p.absorption, p.scattering))
         for p in pigments
     ]
-    settings = (
+    key = (
         digest(wavelengths),
         tuple(exemplars),
         resolve_instrument(options.instrument),
         options.prior or EXPECTED,
         min(options.max_paints, 2),
         options.varnish or "none",
+        None if ground is None else tuple(ground.tolist()),
     )
-    # How sure a search may be does not hang on the ground: it is learnt over the first one.
-    similar = [search for (*asked, _), search in _SEARCHES.items() if tuple(asked) == settings]
-    key = (*settings, None if ground is None else tuple(ground.tolist()))
     if key not in _SEARCHES:
         if len(_SEARCHES) >= _MOST_SEARCHES:
             _SEARCHES.pop(next(iter(_SEARCHES)))
-        _SEARCHES[key] = search_families(
-            wavelengths,
-            pigments,
-            options,
-            ground,
-            sureness=similar[0].sureness if similar and ground is not None else None,
-            progress=progress,
-        )
+        _SEARCHES[key] = search_families(wavelengths, pigments, options, ground, progress)
     return _SEARCHES[key].with_facts(options)
 
 
@@ -107,8 +98,6 @@ def search_families(
     pigments: Sequence[Pigment],
     options: IdentificationOptions,
     ground: Bands | None = None,
-    *,
-    sureness: Sureness | None = None,
     progress: Progress = no_progress,
 ) -> FamilySearch:
     """A search among the families of some exemplars, for an instrument and a kind of film, that
@@ -120,8 +109,6 @@ def search_families(
         options: of the identification: instrument, prior, varnish, and films of one or of two
             pigments.
         ground: internal reflectance below the films, (bands,); None if they hide their ground.
-        sureness: of another search among the same exemplars, over another ground; by default it
-            is learnt.
         progress: called as films are computed, and as sureness is learnt.
 
     Raises:
@@ -209,10 +196,8 @@ def search_families(
         colours=colours(grid, templates.readings),
         set_of=set_of,
         surface=instrument.seen_surface,
-        sureness=sureness or Sureness(),
+        sureness=Sureness(),
     )
-    if sureness is not None:
-        return search
     readings, rows = exemplars_as_readings(search)
     if varnish is not None:
         # How sure a search may be is learnt from films under other varnishes than the expected one.
