@@ -228,6 +228,25 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
         assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
 
 
+@pytest.mark.usefixtures("unchecked")  # nothing is identified
+def test_films_that_lack_readings_are_refused(monkeypatch):
+    """Over one card, or over one that was not measured; of a film that hides them one is enough."""
+    monkeypatch.setattr(
+        sys.modules[identify.__module__], "identify", lambda *given, **options: "searched"
+    )
+    black, white, paint = (np.full((1, GRID.size), level) for level in (0.05, 0.85, 0.4))
+
+    def answer(**flags):
+        return identify_films(Films(("a",), GRID, black, white, paint, paint, **flags), [])
+
+    one = np.array([[False, True]])
+    for flags in ({"seen": one}, {"assumed": one}):
+        with refusal("film 'a' lacks a reading"):
+            answer(**flags)
+    assert answer(seen=one, assumed=np.ones((1, 2), bool), opaque=np.array([True])) == "searched"
+    assert answer() == "searched"
+
+
 def test_bad_input_is_one_clear_error(paints):
     good = np.full((1, GRID.size), 0.5)
     for change, complaint in (

@@ -137,9 +137,16 @@ def identify_films(
         `Identification`, a row for each film.
 
     Raises:
-        ValueError: as `identify`, or cards that are not possible (see `ground_from_air`).
+        ValueError: as `identify`, a film that was not read over both cards and does not hide them,
+            a card that was not measured, or one that is not possible (see `ground_from_air`).
     """
     check_keywords("identify_films", options, IdentificationKeywords)
+    lacking = (~films.seen | films.assumed).any(axis=1) & ~films.opaque
+    if lacking.any():
+        raise ValueError(
+            f"film {films.names[lacking.argmax()]!r} lacks a reading over a card, or of a bare "
+            "one: give all four as read_films reads them, or give identify its reading and ground"
+        )
     seen_by = resolve_instrument(options.get("instrument"))
     if isinstance(seen_by.geometry, Hemispherical):
         measured = card_readings(films, seen_by, options.get("noise") or Noise())
