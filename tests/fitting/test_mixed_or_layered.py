@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from glazefit import Prior, identify
+from glazefit import Noise, Prior, identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.identify.coats import evidence as evidence_module
@@ -27,10 +27,14 @@ from glazefit.identify.coats.readings import (
     grid_readings,
     node_logs,
 )
+from glazefit.identify.coats.weigh_coats import coats_of_families
 from glazefit.identify.result.odds import DECIDED
+from glazefit.identify.search.options import IdentificationOptions
+from glazefit.identify.search.searcher import check_spectra
 from glazejax import Bidirectional, Glaze, Layer, Mixture, catalogue, reflectance
 
 from ..slow import slow
+from .answers import made_up
 from .grids import every_pair
 from .palette import optical_depths
 
@@ -227,6 +231,24 @@ def test_a_mixture_and_a_superposition_are_told(oils, count):
     assert not any(found.ranked(0)[0].coats)
     assert "mixed" in found.coats_words(0)
     assert "laid one over another" in found.coats_words(1)
+
+
+@pytest.mark.parametrize(("paints", "coats"), [(1, 2), slow(1, 3), (2, 3)])
+def test_no_set_in_coats_is_larger_than_what_is_tried(oils, paints, coats):
+    film = read([Layer(oils[0], 8e-6), Layer(oils[1], 20e-6)])
+    found = odds(film, oils, max_paints=paints, max_coats=coats)
+    sizes = {len(one.paints) for one in found.coats_odds[0]}
+    assert sizes == ({2} if paints == 2 else set())
+    assert (found.coats_probability[0] > 0) == (paints == 2)
+
+
+def test_no_set_of_families_is_larger_than_what_is_tried():
+    measured = check_spectra(GRID, GROUND, 0.9, None, Noise())
+    sets = [({"a": 1e-5}, 0.5), ({"a": 1e-5, "b": 1e-5}, 0.4)]
+    found = made_up(measured, ("a", "b"), sets, GROUND)
+    for paints, count in ((1, 0), (2, 1)):
+        options = IdentificationOptions(max_paints=paints, max_coats=2)
+        assert len(coats_of_families(found, options).coats_odds[0]) == count
 
 
 @pytest.mark.slow

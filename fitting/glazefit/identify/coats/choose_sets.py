@@ -31,7 +31,7 @@ def best_sets(
     Args:
         identification: in one coat.
         row: of the spectrum.
-        max_coats: most coats.
+        max_coats: most coats; no more than paints of a set.
         near: pairs that come nearest as coats, which take part with the most probable one: a film
             of two coats may look like no mixture of its paints.
     """

@@ -55,6 +55,7 @@ def weigh_coats(
     usual = coefficients(pigments, few.wavelengths) * (options.prior or Prior()).thickness
     rarity = np.log(np.where(task.extenders, task.prior.extender, 1.0))
     layered = not task.hides and task.max_paints > 1
+    max_coats = min(options.max_coats, options.max_paints)
     weighed = []
     for rows in groups:
         films = CoatedFilms(
@@ -69,7 +70,7 @@ def weigh_coats(
         # Spectra over one ground that share a set are weighed together.
         jobs: defaultdict[PaintNumbers, list[int]] = defaultdict(list)
         for row, pairs in zip(rows.tolist(), near, strict=True):
-            for members in best_sets(identification, row, options.max_coats, pairs):
+            for members in best_sets(identification, row, max_coats, pairs):
                 jobs[members].append(row)
         weighed += [
             weigh_set(members, np.array(job_rows), bodies, films, options)
@@ -98,10 +99,11 @@ def coats_of_families(
     exemplars are paints by other hands, and how much these scatter decides.
     """
     reason = "paints of other makers cannot decide it: name the catalogue of the film's paints"
+    max_coats = min(options.max_coats, options.max_paints)
     coats_odds = []
     for row in range(len(identification)):
         row_odds = []
-        for members in best_sets(identification, row, options.max_coats)[:1]:
+        for members in best_sets(identification, row, max_coats)[:1]:
             names = [identification.paints[member] for member in members]
             row_odds.append(_odds_of(names, ways(len(members), options), 1.0, reason))
         coats_odds.append(tuple(row_odds))

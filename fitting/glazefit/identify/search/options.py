@@ -48,7 +48,8 @@ class IdentificationOptions:
         max_paints: largest set, 1 to 3.
         max_coats: 2 says for the best pairs of paints whether they were mixed or laid one over
             the other, in either order (`Identification.coats_odds`); 3 does so for the best three
-            paints as well, which takes some ten seconds a spectrum.
+            paints as well, which takes some ten seconds a spectrum. No more than `max_paints`
+            count: each coat has a paint.
         keep: candidates kept for each spectrum.
         thorough: fit every pair, and give every set errors of its own: some four times as long for
             the same first answer in most cases.
