@@ -100,7 +100,11 @@ def test_other_films_do_not_say_what_this_one_may_hold(other):
 
 @pytest.mark.parametrize(
     ("condition", "words"),
-    [(1, "rests on the varnish"), (3, "rests on the ground"), (6, "rests on the ground")],
+    [
+        (1, "rests on the varnish: without a varnish it is CobaltBlue"),
+        (3, "rests on the ground: as stated it is CobaltBlue"),
+        (6, "rests on the ground: as stated it is CobaltBlue"),
+    ],
 )
 def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
     far = CURVE + 0.02

@@ -9,6 +9,8 @@ from glazefit import identify
 from glazefit.film.model.optics import Optics
 from glazefit.film.model.response import film_response
 from glazefit.film.model.varnish import AMOUNTS, DECAY, under_varnish, without_varnish, yellow
+from glazefit.identify.search.options import IdentificationOptions
+from glazefit.identify.search.searcher import Searcher
 from glazefit.identify.search.task import Measured
 from glazefit.identify.search.unstated_conditions import remove_varnish
 from glazejax import Bidirectional, Hemispherical, catalogue
@@ -122,6 +124,32 @@ def test_what_is_stated_of_a_varnish_says_what_is_tried(stated, under):
     if stated in ("thin", "yellowed"):
         assert best.paints == ("ZincWhite",)
         assert found.none[0] < 0.5
+
+
+def test_a_film_over_another_ground_is_without_the_stated_varnish_too():
+    """A green that neither paint reads, so that other grounds are tried: all that is not under the
+    stated varnish weighs a twentieth of what it does where there is none.
+    """
+    paints = [catalogue.pigment(name) for name in ("ZincWhite", "PrussianBlue")]
+    grid = np.asarray(paints[0].wavelengths)
+    green = 0.06 + 0.6 * np.exp(-(((grid - 530.0) / 30.0) ** 2))
+
+    def weights(varnish):
+        options = IdentificationOptions(max_paints=1, varnish=varnish)
+        searcher = Searcher.of(grid, paints, options)
+        ((_, pool, _),) = searcher.search(searcher.measure(green, WHITE))
+        keys = zip(pool.members[0, :, 0].tolist(), pool.condition[0].tolist(), strict=True)
+        return {
+            key: weight
+            for key, weight in zip(keys, pool.log_weight[0], strict=True)
+            if np.isfinite(weight)
+        }
+
+    bare, stated = weights("none"), weights("yellowed")
+    # As stated, hiding its ground, over a lighter one and over a darker one.
+    assert len({condition for _, condition in bare}) == 4
+    for key, weight in bare.items():
+        assert stated[key] - weight == pytest.approx(np.log(0.05))
 
 
 @pytest.mark.slow

@@ -46,8 +46,8 @@ class Candidate:
         thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
         thickness_90: its 90 % interval, (2,).
         probability: posterior.
-        condition: how the film lies if not as stated, such as "under a yellowed varnish"; empty if
-            as stated.
+        condition: how the film lies if not bare over its stated ground, such as "under a yellowed
+            varnish"; empty if so.
         gloss: share of the surface's reflection in the readings.
         fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
         rmse: of the residual.

@@ -65,6 +65,11 @@ def search_unstated_conditions(
         varnish: what was stated of it, one of `options.VARNISHES`.
     """
     stated = tasks[None]
+    stated_varnish = _VARNISHED.get(varnish)
+    # A varnish that was stated weighs as what was stated does, and all without it little: by the
+    # probability that it is not there.
+    log_bare = 0.0 if stated_varnish is None else np.log(0.05)
+    pool = replace(pool, log_weight=pool.log_weight + log_bare)
 
     def try_under(pool: Pool, conditions: Iterable[Condition], rows: RowNumbers) -> Pool:
         """The pool with candidates of some of the spectra under further conditions."""
@@ -76,6 +81,8 @@ def search_unstated_conditions(
             if possible.size:
                 films = films.take(possible)
                 candidates = pool_under(condition, films, slope[possible], find_candidates(films))
+                added = -np.log(condition.chance) if condition is stated_varnish else log_bare
+                candidates = replace(candidates, log_weight=candidates.log_weight + added)
                 pools.append(candidates.spread(rows[possible], len(measured)))
         return pool.merge(*pools)
 
@@ -83,13 +90,8 @@ def search_unstated_conditions(
     everything = np.arange(len(measured))
     if stated.hides:
         pool = try_under(pool, [_LIGHT_GROUND], everything)
-    if condition := _VARNISHED.get(varnish):
-        pool = try_under(pool, [condition], everything)
-        # A varnish that was stated weighs as what was stated does, and all without it little: by
-        # the probability that it is not there.
-        under = pool.condition == CONDITIONS.index(condition)
-        weight = pool.log_weight + np.where(under, -np.log(condition.chance), np.log(0.05))
-        pool = replace(pool, log_weight=weight)
+    if stated_varnish is not None:
+        pool = try_under(pool, [stated_varnish], everything)
     odds = odds_of(measured, pool, stated.prior)
     # Those that are tried where these leave a spectrum in doubt: none has more than a fifth.
     doubtful = everything[odds.none / odds.total > 0.2]

@@ -136,7 +136,9 @@ def _relies_on_condition(first: Candidate, rivals: list[Candidate]) -> list[str]
     if rival is None or rival.probability < 0.1 * first.probability:
         return []
     what = "varnish" if any("varnish" in c.condition for c in (first, rival)) else "ground"
-    statements = [f"{c.condition or 'as stated'} it is {c.mixture}" for c in (first, rival)]
+    # A varnish may have been stated, and a film without one is then not as stated.
+    plain = "without a varnish" if what == "varnish" else "as stated"
+    statements = [f"{c.condition or plain} it is {c.mixture}" for c in (first, rival)]
     return [
         f"The answer rests on the {what}: {statements[0]}, but {statements[1]} "
         f"({rival.probability:.0%})."
