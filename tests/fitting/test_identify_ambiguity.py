@@ -251,6 +251,18 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
     assert f"LeadWhite, has an error of Delta E00 {second.delta_e:.1f}" in found.words(0)
 
 
+def test_what_is_not_explained_and_has_no_colour_says_how_far_it_is_off():
+    grid, curve = GRID[::5], CURVE[::5]
+    found = made_up(
+        check_spectra(grid, curve, 0.5, ["spot"], Noise()),
+        PAINTS,
+        [({"CobaltBlue": 25e-6}, 0.05), ({"LeadWhite": 25e-6}, 0.03)],
+        np.stack([curve + 0.2, curve + 0.03])[None, :, None],
+    )
+    assert np.isnan(found.delta_e).all()
+    assert "LeadWhite, has an error of 0.030 in reflectance (RMSE)" in found.words(0)
+
+
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
     found = replace(answer(FIRST), amounts=np.full((1, 1, 3), np.nan))
     assert "nan" not in text_of(found, 1)

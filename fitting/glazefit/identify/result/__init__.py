@@ -467,16 +467,20 @@ class Identification(Tabulated):
                 f"{start} (probability that it is none of them {self.none[row]:.0%}); the nearest "
                 f"pigment is {nearest}"
             )
-        # The nearest in colour of the five that a table shows as a rule.
-        measured = [
-            candidate for candidate in self.ranked(row, 5) if np.isfinite(candidate.delta_e)
-        ]
-        nearest = min(measured, key=lambda candidate: candidate.delta_e, default=best)
-        off = (
-            f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the spectrum"
-            if nearest.delta_e < UNSEEN
-            else f"has an error of Delta E00 {nearest.delta_e:.1f}"
-        )
+        # The nearest in colour of the five that a table shows as a rule; without colours by RMSE.
+        shown = self.ranked(row, 5)
+        measured = [candidate for candidate in shown if np.isfinite(candidate.delta_e)]
+        if measured:
+            nearest = min(measured, key=lambda candidate: candidate.delta_e)
+            off = (
+                f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the "
+                "spectrum"
+                if nearest.delta_e < UNSEEN
+                else f"has an error of Delta E00 {nearest.delta_e:.1f}"
+            )
+        else:
+            nearest = min(shown, key=lambda candidate: candidate.rmse)
+            off = f"has an error of {nearest.rmse:.3f} in reflectance (RMSE)"
         if self.none[row] < 0.5:
             # Improbable as it is that nothing does, its films have visible
             # errors.
