@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.model.mixing import MixingLaw, weight_table
@@ -110,6 +110,7 @@ def small(request):
         gauge=gauge,
         gloss={},
         unit=25e-6,
+        used=np.ones(len(films), bool),
     )
     # The blue's own film is nearly black at some bands.
     assert np.any(problem.steepness)
@@ -358,13 +359,30 @@ def test_an_interrupt_keeps_the_films_that_are_done(recovered):
 def test_a_film_left_out_does_not_matter_and_is_predicted():
     films = painted()
     use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
-    over_white = np.where(use[:, None] > 0, films.over_white, 0.5)
-    spoilt = replace(films, over_white=over_white)
+    # Over black it would demand that its largest paint is matt.
+    over_black, over_white = (
+        np.where(use[:, None] > 0, readings, wrong)
+        for readings, wrong in ((films.over_black, 0.02), (films.over_white, 0.5))
+    )
+    spoilt = replace(films, over_black=over_black, over_white=over_white)
     first, second = (recover_jointly(f, RECIPES, use=use) for f in (films, spoilt))
     assert_allclose(first.absorption, second.absorption, rtol=1e-6)
     (found,) = predict_films(first, films.select(["half"]), RECIPES)
     assert_allclose(found.over_black, films.over_black[3], atol=0.01)
     assert_allclose(found.over_white, films.over_white[3], atol=0.01)
+
+
+def test_a_film_left_out_does_not_say_that_its_paint_is_nearly_black():
+    films = painted()
+    pale = np.where(np.equal(films.names, "blue")[:, None], 0.5, films.over_white)
+    use = np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    first, second = (
+        recover_jointly(f, RECIPES, use=use, noise=Noise(), max_steps=1).problem.steepness
+        for f in (films, replace(films, over_white=pale))
+    )
+    assert_array_equal(first, second)
+    # Without its own film the shade says so.
+    assert np.any(first)
 
 
 def test_curvature_is_the_same_integral_on_any_grid():

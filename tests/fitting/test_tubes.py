@@ -275,6 +275,7 @@ def test_a_gauge_sets_the_scale():
             gauge=gauge,
             gloss={},
             unit=unit,
+            used=np.ones(len(films), bool),
         )
         return problem
 

@@ -84,7 +84,8 @@ def recover_jointly(
     instrument = resolve_instrument(instrument)
     law = law or MixingLaw()
     used = np.ones((len(films), 1)) if use is None else np.reshape(use, (len(films), -1))
-    noise = noise or estimate_noise(films.take(np.flatnonzero(used.any(axis=1)).tolist()))
+    read = used.any(axis=1)
+    noise = noise or estimate_noise(films.take(np.flatnonzero(read).tolist()))
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
@@ -101,6 +102,7 @@ def recover_jointly(
         gauge=gauge,
         gloss=gloss or {},
         unit=unit,
+        used=read,
     )
     deviation = np.moveaxis(1.0 / problem.weight, 0, -1)
     counted = films.seen * used.T[..., None]

@@ -84,6 +84,7 @@ def pose(
     gauge: Gauge | None,
     gloss: Mapping[str, float],
     unit: float,
+    used: Bool[np.ndarray, "films"],
 ) -> tuple[JointProblem, dict[str, ModeNumbers]]:
     """Arrays of a joint problem, and where each known paint has its error modes.
 
@@ -99,6 +100,7 @@ def pose(
         gauge: thicknesses.
         gloss: film -> gloss that was measured, of some films.
         unit: thickness of a film of unit relative thickness, m.
+        used: whether a film counts; of paints the readings of the others say nothing.
 
     Raises:
         ValueError: a known paint does not cover the films' wavelengths, or the gauge names a film
@@ -155,7 +157,11 @@ def pose(
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     level_sd = np.sqrt(grid.size) * np.tile(np.repeat(sds, count), (grid.size, 1))
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], count)
-    black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
+    black_at = nearly_black(
+        np.moveaxis(measured, -1, 1),
+        np.where(used[:, None], shares, 0.0),
+        instrument.seen_surface,
+    )
     step = expected.slope_s * np.sqrt(np.diff(grid) / 10.0)
     steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2)
     steepness = steepness * np.repeat([0.0, 1.0], count)
@@ -169,7 +175,7 @@ def pose(
     # The gloss that the films in which a paint is the largest part demand.
     demanded = np.log(estimate_gloss(films, instrument, noise))
     paint_mean = np.zeros(count)
-    np.minimum.at(paint_mean, shares.argmax(axis=1), demanded)
+    np.minimum.at(paint_mean, shares.argmax(axis=1)[used], demanded[used])
     # Bands first, where arrays have them.
     problem = JointProblem(
         response=response or film_response(instrument),
