@@ -131,6 +131,16 @@ def test_card_without_specular_part_is_explained(read):
     assert card_readings(films, without, Noise()).ground[..., 0].max() < 0.05
 
 
+def test_a_card_that_no_reading_needs_is_converted_and_not_judged(read):
+    films = read(table())
+    both = card_readings(films, Instrument(), Noise()).ground
+    for changes in ({"seen": np.array([[False, True]])}, {"opaque": np.array([True])}):
+        fewer = replace(films, **changes)
+        assert_array_equal(card_readings(fewer, Instrument(), Noise()).ground, both)
+        too_dark = replace(fewer, bare_black=0.2 * films.bare_black)
+        assert_array_equal(card_readings(too_dark, Instrument(), Noise()).ground[..., 0], 0.0)
+
+
 def test_too_bright_a_card_is_refused(read):
     films = read(table(ROWS | {"w": [80.0, 84.0, 120.0]}))
     with refusal(r"white card of 'A1' reads 1.2000 at 420 nm, brighter"):

@@ -374,18 +374,19 @@ def card_readings(films: Films, instrument: Instrument, noise: Noise) -> CardRea
     over = films.over_cards.swapaxes(1, 2)
     bare = films.bare_cards.swapaxes(1, 2)
     internal, slope = card_reflectance(bare, instrument)
-    # Cards that no reading needs are not judged.
-    presumed = (films.assumed | films.opaque[:, None] | ~films.seen)[:, None]
-    internal = np.where(presumed, bare, internal)
-    sd = np.where(presumed, USUAL_CARD_SD, slope * noise.sd(bare))
+    # A usual card is given from inside.
+    internal = np.where(films.assumed[:, None], bare, internal)
+    needed = (films.seen & ~films.opaque[:, None])[:, None]
+    sd = np.where(needed & ~films.assumed[:, None], slope * noise.sd(bare), USUAL_CARD_SD)
+    # Cards that no reading needs are not judged, but films may be predicted over them.
     for wrong, complaint in (
         (
-            internal < -4 * sd,
+            (internal < -4 * sd) & needed,
             f"darker than its surface alone ({instrument.seen_surface:.4f}); was the specular part "
             "excluded?",
         ),
         (
-            internal > 1 + 4 * sd,
+            (internal > 1 + 4 * sd) & needed,
             "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?",
         ),
     ):
