@@ -33,6 +33,7 @@ from glazefit.recover.joint.solver import (
 )
 from glazefit.recover.predict.crossvalidation import cross_validate
 from glazefit.recover.predict.prediction import predict_films
+from glazefit.recover.show.report import left_out_table
 from glazejax import Pigment
 
 from ..refusals import refusal
@@ -354,6 +355,29 @@ def test_an_interrupt_keeps_the_films_that_are_done(recovered):
     out = cross_validate(whole, films, RECIPES, progress=stop)
     assert out.names == ("tint",)
     assert not out.complete
+
+
+def test_a_reading_that_there_is_not_judges_no_prediction(recovered):
+    """Its place holds what was read over the other card, or anything."""
+    whole, films = recovered
+    seen = np.ones((len(films), 2), bool)
+    tint = films.names.index("tint")
+    seen[tint, 0] = False
+    outs = []
+    for copied in (films.over_white[tint], np.full(GRID.size, 0.01)):
+        over_black = films.over_black.copy()
+        over_black[tint] = copied
+        white_only = replace(films, over_black=over_black, seen=seen)
+        outs.append(cross_validate(whole, white_only, RECIPES, only=lambda name: name == "tint"))
+    first, second = outs
+    assert_allclose(second.predicted, first.predicted, rtol=1e-6)
+    assert first.predicted[0, 0] == first.predicted[0, 1]
+    assert_allclose(second.inside, first.inside)
+    assert_allclose(second.variation.weights, first.variation.weights, rtol=1e-6)
+    # The table has no field for it.
+    _, rows = left_out_table(whole, second)
+    (row,) = rows
+    assert [field == "" for field in row[2:]] == [True, False, False, False, True, False]
 
 
 def test_a_film_left_out_does_not_matter_and_is_predicted():

@@ -2,8 +2,9 @@
 they are stated.
 """
 
-import dataclasses
+from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -55,13 +56,39 @@ def recovered():
     return recover_jointly(films, RECIPES), films
 
 
+@pytest.fixture(scope="module")
+def fit(recovered):
+    """The same with few draws."""
+    result, _ = recovered
+    return replace(result, draws=jax.tree.map(lambda draws: draws[:8], result.draws))
+
+
+def test_a_card_without_a_reading_does_not_matter(fit):
+    """Thin films show which card they lie on; over white alone they are predicted as over both."""
+    thin = painted(np.full(6, 0.25)).select(["half"])
+    (both,) = predict_films(fit, thin, RECIPES)
+    for copied in (thin.over_white, np.full_like(thin.over_black, 0.01)):
+        white_only = replace(thin, over_black=copied, seen=np.array([[False, True]]))
+        (found,) = predict_films(fit, white_only, RECIPES)
+        assert_allclose(found.over_white, both.over_white, atol=0.01)
+        assert_allclose(found.over_black, both.over_black, atol=0.02)
+
+
+def test_an_opaque_film_hides_its_cards(fit):
+    thick = painted(np.full(6, 100.0)).select(["half"])
+    opaque = replace(thick, seen=np.array([[True, False]]), opaque=np.array([True]))
+    (found,) = predict_films(fit, opaque, RECIPES)
+    assert_allclose(found.over_black, thick.over_black[0], atol=0.01)
+    assert_allclose(found.over_white, found.over_black, atol=1e-4)
+
+
 def draws(recovered, name, **errors):
     result, films = recovered
     (found,) = predict_films(
         result,
         films.select([name]),
         RECIPES,
-        discrepancy=dataclasses.replace(NONE, **errors),
+        discrepancy=replace(NONE, **errors),
         variation=OF_SIZE_ONE,
     )
     return found.draws

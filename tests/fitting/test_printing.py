@@ -55,7 +55,10 @@ PREDICTION = Prediction(
             f"Recovery(5 films, {ON}, k and s separable in 50% of bands: 01A, 02A, 03A and 2 more)",
         ),
         (PREDICTION, f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
-        (LeftOut((PREDICTION,), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),
+        (
+            LeftOut((PREDICTION,), np.ones((1, 2)), FILMS.take([0]), Variation(), True),
+            "LeftOut(1 films: a tint)",
+        ),
         (
             Posterior(None, (READING,), None, None),  # type: ignore[arg-type]
             "Posterior('spot': nothing was sampled: these are Laplace's standard errors)",

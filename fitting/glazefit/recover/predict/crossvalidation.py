@@ -31,7 +31,7 @@ class LeftOut:
         predictions: of each film by the fit of all others.
         fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films,
             2).
-        measured: reflectance over black and white, (films, 2, bands).
+        films: as measured, over both cards or one.
         variation: what all of them teach of how far films are from their recipes; for
             `predict_films`.
         complete: False where an interrupt came before the last film.
@@ -39,7 +39,7 @@ class LeftOut:
 
     predictions: tuple[Prediction, ...]
     fitted: PerFilmAndCard
-    measured: ReadingSpectra
+    films: Films
     variation: Variation
     complete: bool
 
@@ -51,15 +51,22 @@ class LeftOut:
         """Names of the films."""
         return tuple(prediction.name for prediction in self.predictions)
 
+    @property
+    def measured(self) -> ReadingSpectra:
+        """Reflectance over black and white, (films, 2, bands); of a reading that there is not the
+        other's values.
+        """
+        return self.films.over_cards
+
     @cached_property
     def predicted(self) -> PerFilmAndCard:
-        """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
-        return np.array(
-            [
-                p.delta_e(*spectra)
-                for p, spectra in zip(self.predictions, self.measured, strict=True)
-            ]
-        )
+        """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white; of a reading that
+        there is not the other's value.
+        """
+        off = [
+            p.delta_e(*spectra) for p, spectra in zip(self.predictions, self.measured, strict=True)
+        ]
+        return self.films.where_seen(np.array(off))
 
     @cached_property
     def expected(self) -> PerFilm:
@@ -70,7 +77,8 @@ class LeftOut:
     def inside(self) -> PerFilm:
         """Share of each film's readings within the prediction's 90 % band."""
         low, high = np.stack([prediction.interval() for prediction in self.predictions], axis=1)
-        return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
+        within = (low <= self.measured) & (self.measured <= high)
+        return np.mean(self.films.where_seen(within.astype(float)), axis=(1, 2))
 
 
 def without(
@@ -143,10 +151,12 @@ def cross_validate(
             raise
     done = rows[: len(predictions)]
     # What each film shows of how far films are from their recipes.
-    measured = films.over_cards[done]
+    chosen = films.take(done)
     evidence = [
-        prediction.size_evidence(spectra)
-        for prediction, spectra in zip(predictions, measured, strict=True)
+        prediction.size_evidence(spectra, cards)
+        for prediction, spectra, cards in zip(
+            predictions, chosen.over_cards, chosen.seen, strict=True
+        )
     ]
     mixing = [film_evidence.paints for film_evidence in evidence]
     # Each prediction is as wide as the other films say, films to come as all say.
@@ -157,7 +167,7 @@ def cross_validate(
     return LeftOut(
         predictions=tuple(judged),
         fitted=whole.delta_e()[done],
-        measured=measured,
+        films=chosen,
         variation=learn(evidence, mixing),
         complete=len(done) == len(rows),
     )

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from glazejax.colour import delta_e_of_spectra
 from glazejax.spectra import Bands, describe_grid
@@ -21,7 +21,7 @@ from glazejax.spectra import Bands, describe_grid
 from ...film.films import Films, Noise, card_readings
 from ...film.model.errors import ModelError, draw_coefficient_errors, draw_model_errors
 from ...film.model.mixing import weight_table
-from ...film.model.response import Response
+from ...film.model.response import Response, hiding_factor
 from ...film.model.variation import MIXED, SIZES, SizeEvidence, Variation, log_likelihood
 from ...film.numerics.weighted import numbers_at
 from ...film.tables import WAVELENGTH, Tabulated, Variables
@@ -146,15 +146,21 @@ class Prediction(Tabulated):
         )
         return float(off.mean())
 
-    def size_evidence(self, measured: CardSpectra) -> SizeEvidence:
-        """Evidence of the film on how large films' own errors are, now that it was measured over
-        both cards.
+    def size_evidence(
+        self, measured: CardSpectra, cards: Bool[np.ndarray, "2"] | None = None
+    ) -> SizeEvidence:
+        """Evidence of the film on how large films' own errors are, now that it was measured.
+
+        Args:
+            measured: reflectance over black and white.
+            cards: whether it was read over black and over white; by default over both.
         """
+        rows = np.flatnonzero(np.ones(2) if cards is None else cards)
         paint_errors = self.deviations["scale"] + self.deviations["paint"]
         likelihood = log_likelihood(
-            measured - self.reflectance,
-            paint_errors,
-            self.deviations["film"],
+            (measured - self.reflectance)[rows],
+            paint_errors[:, rows],
+            self.deviations["film"][:, rows],
             self.wavelengths,
         )
         return SizeEvidence(frozenset(self.paints), likelihood)
@@ -219,7 +225,7 @@ def predict_films(
     response: Response | None = None,
 ) -> list[Prediction]:
     """Spectra of films of known weights over their own cards; each film's thickness is fitted to
-    its readings.
+    its readings, where it does not hide the cards.
 
     Gloss is what the paints in it showed elsewhere.
 
@@ -265,13 +271,16 @@ def predict_films(
         measured = card_data.reflectance[row]
         share = shares[row]
         surface = (np.exp(log_gloss @ share) * instrument.seen_surface)[:, None, None]
+        deviation = model_deviation(measured, noise, recovery.expectations)
         body = _fit_thickness(
-            coefficients[..., :paints] @ share,
-            coefficients[..., paints:] @ share,
-            card_data.ground[row],
-            measured - surface,
-            model_deviation(measured, noise, recovery.expectations),
-            recovery.expectations.thickness,
+            absorption=coefficients[..., :paints] @ share,
+            scattering=coefficients[..., paints:] @ share,
+            ground=card_data.ground[row],
+            body=measured - surface,
+            # A reading that there is not says nothing of the thickness.
+            deviation=np.where(films.seen[row], deviation, np.inf),
+            expected=recovery.expectations.thickness,
+            opaque=films.opaque[row],
             response=response,
         )
         mean, deviations = split_draws(np.moveaxis(np.asarray(body), -1, 1) + surface)
@@ -313,23 +322,30 @@ def _fit_thickness(
     body: Float[Array, "draws bands 2"],
     deviation: Float[Array, "bands 2"],
     expected: float | Array,
+    opaque: Bool[Array, ""],
     response: Response,
 ) -> Float[Array, "draws bands 2"]:
-    """Spectra of each draw at its best thickness."""
+    """Spectra of each draw at its best thickness, or of one that hides the ground."""
 
     def one(draw: tuple[Array, Array, Array]) -> Array:
         absorption, scattering, body = draw
 
-        def spectra(log_thickness: Array) -> Array:
-            d = jnp.exp(log_thickness)
+        def spectra(d: Array) -> Array:
             return response.body((d * absorption)[:, None], (d * scattering)[:, None], ground)
 
         def cost(log_thickness: Array) -> Array:
             return (
-                jnp.sum(((spectra(log_thickness) - body) / deviation) ** 2)
+                jnp.sum(((spectra(jnp.exp(log_thickness)) - body) / deviation) ** 2)
                 + (log_thickness / expected) ** 2
             )
 
-        return spectra(least_by_scanning(cost, jnp.asarray(0.0), 161))
+        d = jax.lax.cond(
+            opaque,
+            lambda: hiding_factor(absorption, scattering),
+            lambda: jnp.broadcast_to(
+                jnp.exp(least_by_scanning(cost, jnp.asarray(0.0), 161)), absorption.shape
+            ),
+        )
+        return spectra(d)
 
     return jax.lax.map(one, (absorption, scattering, body))

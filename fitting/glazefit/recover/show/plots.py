@@ -191,6 +191,8 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
                     prediction.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0
                 )
                 axis.plot(prediction.wavelengths, spectrum, "-", color=colour, lw=1.1)
+                if not out.films.seen[i, card]:
+                    continue
                 axis.plot(
                     prediction.wavelengths,
                     out.measured[i, card],

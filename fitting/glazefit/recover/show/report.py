@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
+from jaxtyping import Bool, Float
 from rich.console import RenderableType
 from rich.text import Text
 
@@ -352,10 +353,10 @@ def left_out_table(recovery: JointRecovery, out: LeftOut) -> Table:
         (
             name,
             describe_recipe(recovery, recovery.films.names.index(name)),
-            *(f"{value:.3f}" for value in out.predicted[i]),
+            *_over_cards(out.predicted[i], out.films.seen[i]),
             f"{out.expected[i]:.3f}",
             f"{out.inside[i]:.3f}",
-            *(f"{value:.3f}" for value in out.fitted[i]),
+            *_over_cards(out.fitted[i], out.films.seen[i]),
         )
         for i, name in enumerate(out.names)
     )
@@ -370,6 +371,11 @@ def left_out_table(recovery: JointRecovery, out: LeftOut) -> Table:
         "delta_e_fitted_white",
     )
     return header, rows
+
+
+def _over_cards(values: Float[np.ndarray, "2"], cards: Bool[np.ndarray, "2"]) -> tuple[str, ...]:
+    """Fields of a number over black and over white, empty where nothing was read."""
+    return tuple(f"{value:.3f}" if read else "" for value, read in zip(values, cards, strict=True))
 
 
 def report_reading(
