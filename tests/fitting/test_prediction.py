@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from glazefit.film.films import Noise
 from glazefit.film.model.errors import ModelError
 from glazefit.film.model.variation import SIZES, Variation
 from glazefit.recover.joint.joint import recover_jointly
 from glazefit.recover.predict.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
+from tests.refusals import refusal
 
 OF_SIZE_ONE = Variation(np.equal(SIZES, 1.0).astype(float))
 NONE = ModelError(coefficient=0.0, level=0.0, amplitude=0.0)
@@ -80,6 +82,18 @@ def test_an_opaque_film_hides_its_cards(fit):
     (found,) = predict_films(fit, opaque, RECIPES)
     assert_allclose(found.over_black, thick.over_black[0], atol=0.01)
     assert_allclose(found.over_white, found.over_black, atol=1e-4)
+
+
+def test_the_noise_is_that_of_the_fit(fit):
+    """A card a little darker than its surface is refused only where the instrument is good."""
+    films = painted().select(["half"])
+    dark = replace(films, bare_black=np.full((1, GRID.size), 0.036))
+    rough = Noise(floor=0.003)
+    (found,) = predict_films(replace(fit, noise=rough), dark, RECIPES)
+    (expected,) = predict_films(fit, dark, RECIPES, noise=rough)
+    assert_allclose(found.reflectance, expected.reflectance)
+    with refusal("darker than its surface alone"):
+        predict_films(replace(fit, noise=Noise()), dark, RECIPES)
 
 
 def draws(recovered, name, **errors):

@@ -233,16 +233,17 @@ def predict_films(
         recovery: of the paints.
         films: to predict.
         recipes: sample -> paint -> weight, in any unit.
-        noise: of a reading.
+        noise: of a reading, by default as the recovery has it.
         discrepancy: a film's own errors of size one, by default `film.model.variation.MIXED`.
         variation: how large these are: what films that were left out taught (`LeftOut.variation`),
             by default the prior.
         response: model of one film, by default that of the recovery.
 
     Raises:
-        ValueError: a film without a recipe, or with a paint that the recovery does not know.
+        ValueError: a film without a recipe, or with a paint that the recovery does not know, or a
+            card that is not possible (see `glazefit.film.films.card_readings`).
     """
-    noise = noise or Noise()
+    noise = noise or recovery.noise
     discrepancy = discrepancy or MIXED
     variation = variation or Variation()
     instrument = recovery.instrument
