@@ -96,6 +96,13 @@ def test_the_noise_is_that_of_the_fit(fit):
         predict_films(replace(fit, noise=Noise()), dark, RECIPES)
 
 
+def test_films_of_other_wavelengths_are_refused(fit):
+    films = painted()
+    shifted = replace(films, wavelengths=GRID + 5.0)
+    with refusal("the films are at 405-705 nm.*, the recovery is at 400-700 nm.*: bring the films"):
+        predict_films(fit, shifted, RECIPES)
+
+
 def draws(recovered, name, **errors):
     result, films = recovered
     (found,) = predict_films(

@@ -240,9 +240,14 @@ def predict_films(
         response: model of one film, by default that of the recovery.
 
     Raises:
-        ValueError: a film without a recipe, or with a paint that the recovery does not know, or a
-            card that is not possible (see `glazefit.film.films.card_readings`).
+        ValueError: a film without a recipe, or with a paint that the recovery does not know, other
+            wavelengths, or a card that is not possible (see `glazefit.film.films.card_readings`).
     """
+    if not np.array_equal(films.wavelengths, recovery.wavelengths):
+        raise ValueError(
+            f"the films are at {describe_grid(films.wavelengths)}, the recovery is at "
+            f"{describe_grid(recovery.wavelengths)}: bring the films to its wavelengths"
+        )
     noise = noise or recovery.noise
     discrepancy = discrepancy or MIXED
     variation = variation or Variation()
