@@ -253,6 +253,14 @@ def test_opaque_films_tell_k_over_s():
     assert_allclose(found.absorption[0], BLUE[0], rtol=0.3)
 
 
+def test_a_known_paint_is_called_as_in_the_recipes(tmp_path):
+    films = painted()
+    found = fitted(films, pigments={"White": white().renamed("Titan 2")}, max_steps=1)
+    assert found.known == ("White",)
+    assert list(found.known_modes) == ["White"]
+    assert add_paints(found, tmp_path / "mine.csv") == ("Blue", "White")
+
+
 def test_a_gauge_sets_the_scale():
     films = painted()
     gauge = Gauge({"Blue": 130e-6, "Blue 1:10 White": 80e-6})

@@ -134,6 +134,26 @@ def test_paint_whose_films_are_far_off_is_probably_unsteady():
     assert learn([SILENT]).unsteady["new"] == pytest.approx(UNSTEADY)
 
 
+def test_a_paint_of_a_mixture_is_called_as_in_the_recipe(paints):
+    """Whatever its pigment is called; and a paint of no weight is not in it."""
+    red, white = (paints[name] for name in TINT)
+    # Films of a third paint are far off.
+    varied = Variation(of_paint={"black": np.eye(len(SIZES))[-1]})
+    found, expected = (
+        mix(shelf, recipe, variation=varied)
+        for shelf, recipe in (
+            (
+                {"red": red, "white": white, "black": paints["BoneBlack"]},
+                {"red": 10, "white": 90, "black": 0},
+            ),
+            (paints, TINT),
+        )
+    )
+    assert found.name == "10 red + 90 white"
+    assert_allclose(found.absorption, expected.absorption)
+    assert_allclose(found.absorption_sd, expected.absorption_sd)
+
+
 def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
     """Against finite differences: each paint's own mode, mixed anew."""
     found = mix(paints, TINT, variation=Variation(np.eye(len(SIZES))[0]))

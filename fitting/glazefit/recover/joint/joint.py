@@ -89,7 +89,8 @@ def recover_jointly(
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
-    pigments = pigments or {}
+    # A paint is called as it is in the recipes, whatever its pigment is called.
+    pigments = {name: paint.renamed(name) for name, paint in (pigments or {}).items()}
     problem, known_modes = pose(
         films,
         paints,

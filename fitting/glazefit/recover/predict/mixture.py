@@ -88,7 +88,8 @@ def mix(
             paint does not cover.
     """
     mixture = _mix(pigments, recipe, wavelengths, law)
-    size = (variation or Variation()).size_of(list(recipe))
+    paints = [paint for paint, weight in recipe.items() if weight > 0]
+    size = (variation or Variation()).size_of(paints)
     mode_groups = mixture.modes
     modes = np.concatenate(
         [mode_groups["scale"] + mode_groups["paint"], size * mode_groups["film"]]
@@ -395,12 +396,12 @@ def _mix(
             raise ValueError(f"no paint is called {paint!r}; known: {', '.join(pigments)}")
         if not (weight >= 0 and np.isfinite(weight)):
             raise ValueError(f"the weight of {paint} is {weight:g}; it must be 0 or more")
-    used = [pigments[paint] for paint, weight in recipe.items() if weight > 0]
-    if not used:
+    names = [paint for paint, weight in recipe.items() if weight > 0]
+    if not names:
         raise ValueError("the recipe holds no paint with a weight above 0")
+    used = [pigments[name] for name in names]
     grid = np.asarray(used[0].wavelengths if wavelengths is None else wavelengths)
     paints = [paint.resample(grid) for paint in used]
-    names = [paint.name for paint in paints]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
     contributions = (
         np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]
