@@ -317,6 +317,21 @@ def test_a_reading_in_a_few_bands_tells_the_others(paints):
     assert np.isfinite(found.residual_sd[:, :, few]).all()
 
 
+def test_what_follows_a_reading_is_seen_by_its_instrument(paints):
+    found = calibrate(paints, over_white(painted(paints, 20e-6)), instrument="45:0")
+    first, second, other = (
+        predict(paints, 10e-6, calibrated=found, instrument=instrument)[0].reflectance
+        for instrument in (None, "45:0", "d:8")
+    )
+    assert_array_equal(first, second)
+    assert np.abs(other - first).max() > 0.01
+    first, second, other = (
+        rank_next_readings(found, [10e-6], instrument=instrument).now
+        for instrument in (None, "45:0", "d:8")
+    )
+    assert first == second != other
+
+
 def test_the_film_that_was_read_is_the_yardstick(paints):
     """Over white a stronger and thinner film looks the same: what is known of the product is not
     lost in the bands of that film.

@@ -130,10 +130,12 @@ def predict_mixture(
         thickness: m; with `calibrated` on the scale of its film, which is as thick as was found.
         ground: internal reflectance of the black and the white ground, each a number or (bands,);
             by default usual cards.
-        instrument: by default d:8 with the specular part, refractive index 1.5.
+        instrument: by default that of `calibrated`, or d:8 with the specular part, refractive
+            index 1.5.
         calibrated: what `calibrate_mixture` found; then that mixing is predicted, and a
             film as thick as one that was read is that film.
-        response: model of one film, by default that of the instrument.
+        response: model of one film, by default that of `calibrated`, or of the instrument where
+            it is given.
         spread: its `alike` says how much of what the reading was off holds over another card; as
             for `calibrate_mixture`.
 
@@ -143,6 +145,9 @@ def predict_mixture(
     Raises:
         ValueError: as `mix`, or a thickness that is not positive.
     """
+    if calibrated is not None and instrument is None:
+        instrument = calibrated.instrument
+        response = response or calibrated.problem.response
     instrument = resolve_instrument(instrument)
     response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)

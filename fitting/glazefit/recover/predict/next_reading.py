@@ -124,13 +124,15 @@ def rank_next_readings(
         thickness: m, of the films whose colours over black and white are the target; on the scale
             of the film that was read.
         ground: internal reflectance of the black and the white ground, (bands,) each.
-        instrument: by default d:8 with the specular part, refractive index 1.5.
-        response: model of one film, by default that of the instrument.
+        instrument: by default that of the fit.
+        response: model of one film, by default that of the instrument, or of the fit.
 
     Returns:
         CIEDE2000 (D65, 10 degrees) to be expected now and with each further reading.
     """
-    response = response or film_response(resolve_instrument(instrument))
+    if instrument is not None:
+        response = response or film_response(resolve_instrument(instrument))
+    response = response or calibrated.problem.response
     grid = calibrated.wavelengths
     grounds = usual_cards(grid) if ground is None else ground
     coefficients = np.exp(calibrated.unknowns.bands.T) / UNIT
