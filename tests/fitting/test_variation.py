@@ -154,6 +154,19 @@ def test_a_paint_of_a_mixture_is_called_as_in_the_recipe(paints):
     assert_allclose(found.absorption_sd, expected.absorption_sd)
 
 
+def test_a_mixture_has_the_wavelengths_of_all_its_paints(paints):
+    """Whichever is named first."""
+    shorter = paints | {"ZincWhite": paints["ZincWhite"].resample(GRID[3:-2])}
+    for recipe in (TINT, dict(reversed(TINT.items()))):
+        assert_allclose(mix(shorter, recipe).wavelengths, GRID[3:-2])
+    apart = {
+        name: paints[name].resample(bands)
+        for name, bands in zip(TINT, (GRID[:5], GRID[6:]), strict=True)
+    }
+    with refusal("they do not meet"):
+        mix(apart, TINT)
+
+
 def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
     """Against finite differences: each paint's own mode, mixed anew."""
     found = mix(paints, TINT, variation=Variation(np.eye(len(SIZES))[0]))

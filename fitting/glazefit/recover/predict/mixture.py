@@ -21,7 +21,7 @@ from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.paint.describe import format_length
 from glazejax.progress import Progress, no_progress
-from glazejax.spectra import Bands
+from glazejax.spectra import Bands, common_range, lie_between
 
 from ...film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
 from ...film.model.errors import (
@@ -78,7 +78,7 @@ def mix(
     Args:
         pigments: by name.
         recipe: paint -> weight, in any unit.
-        wavelengths: (bands,), nm, by default those of the first paint.
+        wavelengths: (bands,), nm, by default those of the first paint that all paints reach.
         law: mixing law, by default linear by mass.
         variation: how far films are from their recipes, by default the prior.
         name: of the mixture, by default its recipe.
@@ -406,6 +406,10 @@ def _mix(
         raise ValueError("the recipe holds no paint with a weight above 0")
     used = [pigments[name] for name in names]
     grid = np.asarray(used[0].wavelengths if wavelengths is None else wavelengths)
+    if wavelengths is None:
+        shared = lie_between(grid, *common_range(np.asarray(paint.wavelengths) for paint in used))
+        # Where none is shared, resampling says so.
+        grid = grid[shared] if shared.any() else grid
     paints = [paint.resample(grid) for paint in used]
     shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
     contributions = (
