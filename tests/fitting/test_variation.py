@@ -448,6 +448,12 @@ def test_mixtures_that_are_none(paints, recipe, words):
         mix(paints, recipe)
 
 
+@pytest.mark.parametrize("ground", [(5.0, 84.0), (0.03, np.nan), (np.full(GRID.size, -0.1), 0.9)])
+def test_grounds_that_are_none(paints, ground):
+    with refusal(r"a ground's internal reflectance is .*; it must lie in \[0, 1\]"):
+        predict(paints, 10e-6, ground=ground)
+
+
 def test_command_says_how_sure_it_is(run, tmp_path):
     out, err = run("10 vermillion + 90 zincwhite", "--thickness", "10um,30um", "--csv", "p.csv")
     assert err == ""

@@ -23,7 +23,7 @@ from glazejax.paint.describe import format_length
 from glazejax.progress import Progress, no_progress
 from glazejax.spectra import Bands, common_range, lie_between
 
-from ...film.films import SPECTRA, Films, InstrumentLike, Noise, usual_cards
+from ...film.films import SPECTRA, Films, InstrumentLike, Noise, check_ground, usual_cards
 from ...film.model.errors import (
     ModelError,
     draw_model_errors,
@@ -143,8 +143,11 @@ def predict_mixture(
         A `Prediction` for each thickness.
 
     Raises:
-        ValueError: as `mix`, or a thickness that is not positive.
+        ValueError: as `mix`, a thickness that is not positive, or a reflectance of a ground that is
+            not in [0, 1].
     """
+    for reflectance in () if ground is None else ground:
+        check_ground(reflectance)
     if calibrated is not None and instrument is None:
         instrument = calibrated.instrument
         response = response or calibrated.problem.response

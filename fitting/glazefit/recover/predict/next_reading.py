@@ -27,7 +27,7 @@ from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import Bands, lie_between
 
-from ...film.films import InstrumentLike, card_readings, usual_cards
+from ...film.films import InstrumentLike, card_readings, check_ground, usual_cards
 from ...film.model.response import Response, film_response, hiding_factor
 from ..joint.joint import UNIT
 from ..joint.pose import error_modes
@@ -129,7 +129,12 @@ def rank_next_readings(
 
     Returns:
         CIEDE2000 (D65, 10 degrees) to be expected now and with each further reading.
+
+    Raises:
+        ValueError: a reflectance of a ground that is not in [0, 1].
     """
+    for reflectance in () if ground is None else ground:
+        check_ground(reflectance)
     if instrument is not None:
         response = response or film_response(resolve_instrument(instrument))
     response = response or calibrated.problem.response
