@@ -382,6 +382,16 @@ def test_the_other_card_is_the_reading_that_helps_most(paints):
     }
 
 
+def test_further_readings_are_ranked_by_the_light_and_the_eye_of_the_colours(paints):
+    films = painted(paints, 20e-6)
+    found = calibrate(paints, over_white(films))
+    usual = rank_next_readings(found, [20e-6])
+    warm = rank_next_readings(found, [20e-6], illuminant="A", observer=2)
+    (film,) = predict(paints, 20e-6, calibrated=found)
+    ratio = film.expected_error("A", 2) / film.expected_error()
+    assert warm.now / usual.now == pytest.approx(ratio, rel=0.1)
+
+
 def test_a_prediction_without_errors_is_the_film(paints):
     films = painted(paints, 12e-6)
     (found,) = predict(paints, 12e-6)

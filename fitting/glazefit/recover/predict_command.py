@@ -167,7 +167,14 @@ def predict(
     if calibrated is not None:
         from .predict.next_reading import rank_next_readings
 
-        further = rank_next_readings(calibrated, thicknesses, ground=ground, instrument=seen_with)
+        further = rank_next_readings(
+            calibrated,
+            thicknesses,
+            ground=ground,
+            instrument=seen_with,
+            illuminant=illuminant,
+            observer=observer,
+        )
         best = further.films[0]
         # Repeats of one reading differ by .1 on average (Kimera's), and that is not seen.
         if further.now - best.expected < 0.2:

@@ -44,7 +44,7 @@ class CandidateReading:
         film: what is read, in words.
         readings: that each draw of what is open would give, (draws, readings).
         sd: standard deviation of each reading's own error, (readings,).
-        expected: CIEDE2000 (D65, 10 degrees) that the target is expected to be off after it.
+        expected: CIEDE2000 that the target is expected to be off after it.
     """
 
     film: str
@@ -58,7 +58,7 @@ class NextFilms:
     """Gain of further readings of one paint or mixture.
 
     Attributes:
-        now: CIEDE2000 (D65, 10 degrees) that the target is expected to be off.
+        now: CIEDE2000 that the target is expected to be off.
         films: candidates, the most instructive first.
     """
 
@@ -77,6 +77,7 @@ def rank_candidates(
     draws: Float[np.ndarray, "draws *open"],
     looks: Callable[[np.ndarray], Float[np.ndarray, "draws films bands"]],
     wavelengths: Bands,
+    eye: tuple[str, str | int] = ("D65", 10),
 ) -> NextFilms:
     """Candidates in the order of what they would teach.
 
@@ -85,15 +86,20 @@ def rank_candidates(
         draws: of what is open.
         looks: reflectance of the target films, for any draws.
         wavelengths: of that reflectance, nm.
+        eye: illuminant and observer by which films are judged.
     """
     rng = np.random.default_rng(2)
+    illuminant, observer = eye
     centre = draws.mean(axis=0)
     middle = looks(centre[None])[0]
 
     def expected(remaining: np.ndarray) -> float:
         # The regression needs all draws, a mean of colours few.
         spectra = looks(remaining[:128])
-        return float(np.mean(delta_e_of_spectra(wavelengths, spectra, middle, observer=10)))
+        off = delta_e_of_spectra(
+            wavelengths, spectra, middle, illuminant=illuminant, observer=observer
+        )
+        return float(np.mean(off))
 
     def after(candidate: CandidateReading) -> float:
         # Covariance of the candidate's readings, noise and all, and theirs with what is open.
@@ -116,6 +122,8 @@ def rank_next_readings(
     ground: tuple[Bands, Bands] | None = None,
     instrument: InstrumentLike | None = None,
     response: Response | None = None,
+    illuminant: str = "D65",
+    observer: str | int = 10,
 ) -> NextFilms:
     """Further readings of a mixture, in the order of what they would teach.
 
@@ -126,12 +134,14 @@ def rank_next_readings(
         ground: internal reflectance of the black and the white ground, (bands,) each.
         instrument: by default that of the fit.
         response: model of one film, by default that of the instrument, or of the fit.
+        illuminant, observer: by which colours are judged.
 
     Returns:
-        CIEDE2000 (D65, 10 degrees) to be expected now and with each further reading.
+        CIEDE2000 to be expected now and with each further reading.
 
     Raises:
-        ValueError: a reflectance of a ground that is not in [0, 1].
+        ValueError: a reflectance of a ground that is not in [0, 1], an unknown illuminant or
+            observer, or a grid that covers no colour.
     """
     for reflectance in () if ground is None else ground:
         check_ground(reflectance)
@@ -178,7 +188,7 @@ def rank_next_readings(
         candidate(f"a film {label} as thick over black and white", [0, 1], times)
         for times, label in ((0.5, "half"), (2.0, "twice"))
     ]
-    return rank_candidates(candidates, off, looks, grid)
+    return rank_candidates(candidates, off, looks, grid, (illuminant, observer))
 
 
 class _PlannedFilms(NamedTuple):
