@@ -301,7 +301,7 @@ def nearly_black(
     """True where the film with most of a paint, if it is the larger part, reflects hardly more than
     its surface does.
     """
-    body = np.nanmax(readings, axis=1, initial=0.0) - surface
+    body = np.max(readings, axis=1, initial=0.0) - surface
     purest = shares.argmax(axis=0)
     return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
 

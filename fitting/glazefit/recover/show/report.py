@@ -100,7 +100,7 @@ def _with_error(value: float, sd: float) -> str:
     """
     if sd > value / 2:
         return f"above {max(value - 2 * sd, 0.2 * value):.1g}"
-    digits = max(0, 1 - int(np.floor(np.log10(sd)))) if sd > 0 else 6
+    digits = max(0, 1 - int(np.floor(np.log10(sd))))
     return f"{value:.{digits}f}±{sd:.{digits}f}"
 
 
