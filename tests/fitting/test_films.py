@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 
 from glazefit import Films, Instrument, Noise, read_films, read_loose_films
-from glazefit.film.films import bare_surface, card_readings, card_reflectance
+from glazefit.film.films import bare_surface, card_readings, card_reflectance, readings
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
 from glazejax.io import write_table
@@ -183,3 +183,20 @@ def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(t
     assert "readings with the specular component included (SCI) are used" in films.notes[-1]
     without = read_loose_films(path, specular=False)
     assert_allclose(without.over_white[0], values["ow"] - 0.04)
+
+
+@pytest.mark.parametrize("card", [0, 1])
+def test_a_film_over_one_card_is_one_reading(read, card):
+    """The other column, which holds the same values, was not measured."""
+    whole = read(table())
+    (both,) = readings(whole, Instrument(), Noise())
+    (one,) = readings(replace(whole, seen=np.arange(2)[None] == card), Instrument(), Noise())
+    assert both.grounds == ("black", "white")
+    assert one.grounds == both.grounds[card : card + 1]
+    for what in ("reflectance", "ground", "sd", "ground_sd"):
+        assert_array_equal(getattr(one, what), getattr(both, what)[:, [card]])
+
+
+def test_a_film_that_hides_its_ground_is_no_reading_over_cards(read):
+    with refusal("'A1' is taken to hide its ground.*reading_over"):
+        readings(replace(read(table()), opaque=np.array([True])), Instrument(), Noise())

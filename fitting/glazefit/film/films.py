@@ -6,6 +6,7 @@ error.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
@@ -461,21 +462,28 @@ class Reading:
 
 
 def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading]:
-    """The films over their black and white cards, whose own errors count.
+    """The films over those of their cards, black and white, that they were read over; the cards'
+    own errors count.
 
     Raises:
-        ValueError: a card that its surface or a perfect diffuser contradicts (see
-            `card_readings`).
+        ValueError: a film that is taken to hide its ground, or a card that its surface or a perfect
+            diffuser contradicts (see `card_readings`).
     """
+    if films.opaque.any():
+        name = films.names[films.opaque.argmax()]
+        raise ValueError(
+            f"film {name!r} is taken to hide its ground, which must be known here: give its "
+            "spectrum and the ground by reading_over"
+        )
     measured = card_readings(films, instrument, noise)
     return [
         Reading(
             name=name,
             wavelengths=films.wavelengths,
-            grounds=("black", "white"),
-            **CardReadings(*arrays)._asdict(),
+            grounds=tuple(compress(("black", "white"), cards)),
+            **CardReadings(*(values[:, cards] for values in arrays))._asdict(),
         )
-        for name, *arrays in zip(films.names, *measured, strict=True)
+        for name, cards, *arrays in zip(films.names, films.seen, *measured, strict=True)
     ]
 
 
