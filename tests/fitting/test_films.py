@@ -6,7 +6,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 
 from glazefit import Films, Instrument, Noise, read_films, read_loose_films
-from glazefit.film.films import bare_surface, card_readings, card_reflectance, readings
+from glazefit.film.films import (
+    bare_surface,
+    card_readings,
+    card_reflectance,
+    reading_over,
+    readings,
+)
 from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
 from glazejax.io import write_table
@@ -159,6 +165,8 @@ def test_films_check_what_they_are_given(read):
         with refusal("'A1' is not brighter than its bare black card"):
             replace(films, bare_white=white)
     replace(films, bare_white=1.001 * films.bare_black)
+    with refusal("over_white of 'A1' at 400 nm is 30, which looks like percent: divide by 100"):
+        replace(films, over_white=100.0 * films.over_white)
     twice = np.repeat(films.over_white, 2, axis=0)
     with refusal("two films are called 'A1'"):
         Films(("A1", "A1"), films.wavelengths, twice, twice, twice, twice)
@@ -200,3 +208,9 @@ def test_a_film_over_one_card_is_one_reading(read, card):
 def test_a_film_that_hides_its_ground_is_no_reading_over_cards(read):
     with refusal("'A1' is taken to hide its ground.*reading_over"):
         readings(replace(read(table()), opaque=np.array([True])), Instrument(), Noise())
+
+
+def test_a_reading_in_percent_is_refused():
+    grid = np.array([400.0, 500.0, 600.0])
+    with refusal(r"at 400 nm is 35; it must be in \[0, 3\] \(divide percent by 100\)"):
+        reading_over(grid, np.full(3, 35.0), 0.9)

@@ -18,7 +18,7 @@ from glazejax.geometry import Instrument as Instrument
 from glazejax.io.spectra_table import list_names, there_are
 from glazejax.names import first_repeated
 from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.spectra import Bands, describe_grid, validate_wavelengths
+from glazejax.spectra import MAX_DECLARED, Bands, describe_grid, validate_wavelengths
 
 from .model.optics import Optics
 from .model.response import film_response, ground_below
@@ -86,9 +86,9 @@ class Films(Tabulated):
             its cards count not.
 
     Raises:
-        ValueError: shapes that do not match, a value that is NaN, infinite or negative, a white
-            card that is not brighter than the black one, a film without any reading, or names that
-            repeat.
+        ValueError: shapes that do not match, a value that is NaN, negative or too high for a
+            fraction, a white card that is not brighter than the black one, a film without any
+            reading, or names that repeat.
     """
 
     names: tuple[str, ...]
@@ -138,6 +138,12 @@ class Films(Tabulated):
                 raise ValueError(
                     f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}; "
                     "reflectance is 0 or more"
+                )
+            if values.max(initial=0.0) > MAX_DECLARED:
+                i, j = np.argwhere(values > MAX_DECLARED)[0]
+                raise ValueError(
+                    f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}, which "
+                    "looks like percent: divide by 100"
                 )
         # A usual card is given from inside the paint, where the black one is darker and the white
         # one brighter.
@@ -435,7 +441,7 @@ class Reading:
         object.__setattr__(self, "wavelengths", validate_wavelengths(self.wavelengths))
         shape = (self.wavelengths.size, len(self.grounds))
         for what, low, high in (
-            ("reflectance", 0.0, np.inf),
+            ("reflectance", 0.0, MAX_DECLARED),
             ("ground", 0.0, 1.0),
             ("sd", 1e-9, np.inf),
             ("ground_sd", 0.0, np.inf),
@@ -449,9 +455,10 @@ class Reading:
             wrong = ~((values >= low) & (values <= high) & np.isfinite(values))
             if wrong.any():
                 i, j = np.argwhere(wrong)[0]
+                cure = " (divide percent by 100)" if values[i, j] > high else ""
                 raise ValueError(
                     f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} "
-                    f"nm is {values[i, j]:g}; it must be in [{low:g}, {high:g}]"
+                    f"nm is {values[i, j]:g}; it must be in [{low:g}, {high:g}]{cure}"
                 )
 
     def __repr__(self) -> str:
