@@ -103,6 +103,20 @@ def test_recipes_of_another_form_are_refused(tmp_path, line):
         read_recipes(path)
 
 
+@pytest.mark.parametrize(
+    ("recipe", "message"),
+    [
+        ("Red-Red-White|30-30-40", "line 2: paint 'Red' is listed twice in '01A'; add its weights"),
+        ("Red-White|0-0", "line 2: all weights of '01A' are 0"),
+    ],
+)
+def test_recipes_that_lose_weight_are_refused(tmp_path, recipe, message):
+    path = tmp_path / "mixtures.tsv"
+    path.write_text(f"00\tBlue|100\n01A\t{recipe}\n")
+    with refusal(message):
+        read_recipes(path)
+
+
 def fresnel(cos_air, n):
     cos_in = np.sqrt(1 - (1 - cos_air**2) / n**2)
     s = (cos_air - n * cos_in) / (cos_air + n * cos_in)

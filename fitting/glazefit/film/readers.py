@@ -29,6 +29,7 @@ from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.quantity import Stated
 from glazejax.io.source import naming, open_source
 from glazejax.io.spectra_table import list_names
+from glazejax.names import first_repeated
 
 from .films import Films, usual_cards
 from .shared_bands import crop
@@ -269,8 +270,8 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
 
     Raises:
         FileNotFoundError: no such file.
-        ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed
-            twice.
+        ValueError: a line of another form, a weight that is not a number >= 0, weights that are all
+            0, or a sample, or a paint of one, listed twice.
     """
     recipes: dict[str, dict[str, float]] = {}
     count = 0
@@ -300,6 +301,12 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
                 )
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
+            if (twice := first_repeated(paints.split("-"))) is not None:
+                raise source.error(
+                    f"paint {twice!r} is listed twice in {sample!r}; add its weights up", number
+                )
+            if not any(values):
+                raise source.error(f"all weights of {sample!r} are 0", number)
             count += len(values)
             if count > most:
                 raise source.error(
