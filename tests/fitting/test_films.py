@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 
-from glazefit import Films, Instrument, Noise, read_films, read_loose_films
+from glazefit import Films, Instrument, Noise, read_films, read_loose_films, simulate_films
 from glazefit.film.films import (
     bare_surface,
     card_readings,
@@ -228,3 +228,21 @@ def test_a_reading_in_percent_is_refused():
     grid = np.array([400.0, 500.0, 600.0])
     with refusal(r"at 400 nm is 35; it must be in \[0, 3\] \(divide percent by 100\)"):
         reading_over(grid, np.full(3, 35.0), 0.9)
+
+
+def test_films_are_simulated_on_a_grid_of_whole_numbers():
+    """Cards, too: a black one of whole numbers would reflect nothing."""
+    k, s = np.full((2, 1, 3), 0.3)
+    films = simulate_films(np.array([400.0, 500.0, 600.0]), k, s, names=["a"])
+    whole = simulate_films(np.array([400, 500, 600]), k, s, names=["a"])
+    assert_array_equal(whole.bare_cards, films.bare_cards)
+    assert_array_equal(whole.over_cards, films.over_cards)
+
+
+def test_spectra_to_simulate_are_not_reordered():
+    grid = np.array([400.0, 500.0, 600.0])
+    right, turned = np.full((2, 3), 0.3), np.full((3, 2), 0.3)
+    with refusal(r"absorption has shape \(3, 2\).*2 films and 3 bands"):
+        simulate_films(grid, turned, right, names="ab")
+    with refusal("scattering has shape"):
+        simulate_films(grid, right, turned, names="ab")

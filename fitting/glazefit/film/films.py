@@ -329,7 +329,7 @@ def usual_cards(wavelengths: Bands) -> tuple[Bands, Bands]:
     In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a
     brightener does.
     """
-    black = np.full_like(wavelengths, 0.025)
+    black = np.full(np.shape(wavelengths), 0.025)
     white = 0.95 - 0.02 * np.maximum(700 - wavelengths, 0) / 300
     return black, white - 0.2 * np.exp(-np.maximum(wavelengths - 400, 0) / 12)
 

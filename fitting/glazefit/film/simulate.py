@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
-from glazejax.spectra import Bands
+from glazejax.spectra import Bands, validate_wavelengths
 
 from .films import Films, Instrument, InstrumentLike, Noise, usual_cards
 from .model.optics import Optics
@@ -34,14 +34,23 @@ def simulate_films(
         names: of the films.
         instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
+
+    Raises:
+        ValueError: a grid that is not legal, or k d or s d of another shape.
     """
+    grid = validate_wavelengths(wavelengths)
+    k, s = np.asarray(absorption), np.asarray(scattering)
+    for what, values in (("absorption", k), ("scattering", s)):
+        if values.ndim not in (2, 3) or values.shape[:2] != (len(names), grid.size):
+            raise ValueError(
+                f"{what} has shape {values.shape}; it must be (films, bands) or (films, bands, "
+                f"coats), with {len(names)} films and {grid.size} bands"
+            )
     instrument = resolve_instrument(instrument)
     noise = noise or Noise()
     rng = np.random.default_rng(seed)
-    k, s = (
-        np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering)
-    )
-    grounds = np.broadcast_to(np.stack(usual_cards(wavelengths), axis=-1), (*k.shape[:2], 2))
+    k, s = (values.reshape(len(names), grid.size, -1) for values in (k, s))
+    grounds = np.broadcast_to(np.stack(usual_cards(grid), axis=-1), (*k.shape[:2], 2))
     optics = Optics.of(instrument)
     empty = np.full((1, 1, 1), 1e-12)
 
@@ -56,7 +65,7 @@ def simulate_films(
     painted = read_film(k, s)
     return Films(
         names=tuple(names),
-        wavelengths=wavelengths,
+        wavelengths=grid,
         bare_black=bare[..., 0],
         bare_white=bare[..., 1],
         over_black=painted[..., 0],
