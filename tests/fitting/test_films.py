@@ -10,6 +10,7 @@ from glazefit.film.films import (
     bare_surface,
     card_readings,
     card_reflectance,
+    ground_from_air,
     reading_over,
     readings,
 )
@@ -138,6 +139,7 @@ def test_cards_obey_saunderson(specular, n):
     bare = specular * outer + (1 - outer) * ground * (1 - inner) / (1 - inner * ground)
     inside, slope = card_reflectance(bare, instrument)
     assert_allclose(inside, ground, atol=3e-5)
+    assert_allclose(ground_from_air(bare, instrument), ground, atol=3e-5)
     step = 1e-6
     above, below = (card_reflectance(bare + move, instrument)[0] for move in (step, -step))
     assert_allclose(slope, (above - below) / (2 * step), rtol=1e-5)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any, NamedTuple, TypeAlias
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
@@ -21,7 +20,7 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import MAX_DECLARED, Bands, describe_grid, validate_wavelengths
 
 from .model.optics import Optics
-from .model.response import film_response, ground_below
+from .model.response import ground_below
 from .tables import WAVELENGTH, Tabulated, Variables
 
 Spectra: TypeAlias = Float[np.ndarray, "films bands"]
@@ -268,15 +267,17 @@ def bare_surface(instrument: Instrument) -> BareSurface:
     return BareSurface(through * (enters if len(cosines) == 1 else 1.0 / index**2), 1.0 - enters)
 
 
-def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Spectra]:
+def card_reflectance(
+    bare: Float[np.ndarray, "*shape"], instrument: Instrument
+) -> tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]]:
     """Internal reflectance of cards from their bare reflectance in air, and its derivative.
 
     Under paint only the internal reflectance counts: a card that reads 5 % in air is 2.5 % inside,
     one that reads 84 % is 93 %.
 
     Returns:
-        rho, (films, bands), and d rho / d bare, (films, bands). Values outside [0, 1] are possible
-        and the caller's to refuse.
+        rho, (...), and d rho / d bare, (...). Values outside [0, 1] are possible and the caller's
+        to refuse.
     """
     gain, back = bare_surface(instrument)
     x = np.asarray(bare) - instrument.seen_surface
@@ -309,14 +310,14 @@ def ground_from_air(
         [0.03, 0.93]
     """
     seen_by = resolve_instrument(instrument, refractive_index)
-    within = np.asarray(bare, dtype=np.float64) - seen_by.seen_surface
-    internal = np.asarray(film_response(seen_by).internal(jnp.asarray(within)))
+    bare = np.asarray(bare, dtype=np.float64)
+    internal, _ = card_reflectance(bare, seen_by)
     for wrong, reason in (
-        (within < -0.01, "less than its surface alone"),
+        (bare < seen_by.seen_surface - 0.01, "less than its surface alone"),
         (internal > 1.01, "more than white can"),
     ):
         if wrong.any():
-            value = np.asarray(bare)[wrong].flat[0]
+            value = bare[wrong].flat[0]
             raise ValueError(
                 f"the bare ground reads {value:.4f} ({reason}); is it seen with another instrument?"
             )
