@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from glazefit.film.readers import is_masstone, read_recipes, readable_names
 from glazejax import Hemispherical
 from glazejax.io import write_table
 
+from ..commands import invoke
 from ..refusals import refusal
 
 ROWS = {
@@ -194,19 +196,62 @@ def test_noise_must_be_positive(floor, share):
         Noise(floor, share)
 
 
-def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(tmp_path):
+@pytest.fixture
+def both_kinds(tmp_path):
+    """A file of readings with the specular component and without, .04 lower; over white of .5."""
     grid = np.arange(400.0, 701.0, 50.0)
     values = {end: np.full(grid.size, 0.2 + 0.1 * i) for i, end in enumerate(ROWS)}
     bands = [f"{word}_{nm:g}nm" for word in ("SCI", "SCE") for nm in grid]
-    rows = [[f"red_{end}", *row, *(row - 0.04)] for end, row in values.items()]
+    rows = [[f"PB28_{end}", *row, *(row - 0.04)] for end, row in values.items()]
     path = tmp_path / "films.csv"
     write_table(path, ["Name", *bands], rows)
-    films = read_films(path)
-    assert films.names == ("red",)
-    assert_array_equal(films.over_white[0], values["ow"])
+    return path
+
+
+def test_of_both_kinds_of_readings_those_with_the_specular_component_are_films(both_kinds):
+    films = read_films(both_kinds)
+    assert films.names == ("PB28",)
+    assert_allclose(films.over_white, 0.5)
     assert "readings with the specular component included (SCI) are used" in films.notes[-1]
-    without = read_loose_films(path, specular=False)
-    assert_allclose(without.over_white[0], values["ow"] - 0.04)
+    for read in (read_films, read_loose_films):
+        assert_allclose(read(both_kinds, specular=False).over_white, 0.46)
+
+
+@pytest.mark.parametrize(("geometry", "level"), [("", 0.5), ("d:8", 0.5), ("de:8", 0.46)])
+@pytest.mark.parametrize(
+    ("words", "engine"),
+    [
+        ("recover FILE --out new", "glazefit.recover.fits.recover_each"),
+        ("predict CobaltBlue --reading FILE", "glazefit.recover.predict.mixture.calibrate_mixture"),
+        (
+            "posterior FILE --paints CobaltBlue --out new",
+            "glazefit.posterior.posterior.posterior_of_film",
+        ),
+        ("identify FILE", "glazefit.identify.command._identify"),
+        (
+            "identify FILE --ground .9 --references FILE",
+            "glazefit.identify.families.references.references_of",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_of_both_kinds_the_instruments_is_taken(
+    both_kinds, monkeypatch, words, engine, geometry, level
+):
+    reached = []
+
+    def stop(*arguments, **_):
+        reached.extend(each for each in arguments if isinstance(each, Films))
+        raise ValueError("nothing is computed")
+
+    # glazefit.identify is a function to those who go by attributes.
+    module, _, name = engine.rpartition(".")
+    monkeypatch.setattr(import_module(module), name, stop)
+    instrument = ["--instrument", geometry] if geometry else []
+    result = invoke(*words.replace("FILE", str(both_kinds)).split(), *instrument)
+    assert "nothing is computed" in str(result.exception)
+    (films,) = reached
+    assert_allclose(films.over_white, level)
 
 
 @pytest.mark.parametrize("card", [0, 1])

@@ -51,16 +51,17 @@ _TINT = re.compile(
 )
 
 
-def read_films(path: str | Path, **stated: Unpack[Stated]) -> Films:
+def read_films(path: str | Path, *, specular: bool = True, **stated: Unpack[Stated]) -> Films:
     """Read films over a black and a white card.
 
     Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b,
     NAME_w, NAME_ob and NAME_ow, the bare black and white card and the paint over each.
-    `read_loose_films` reads tables that lack some. Of readings with the specular component and
-    without (NAME_b SCI, NAME_b SCE) the former are taken.
+    `read_loose_films` reads tables that lack some.
 
     Args:
         path: the table, in fractions or percent; its wavelengths in nm.
+        specular: of a table of both, whether readings with the specular component are taken
+            (NAME_ob SCI) or those without (NAME_ob SCE).
         stated: ``quantity``, ``unit`` and ``scale``, as `glazejax.io.read_spectra` takes them.
 
     Returns:
@@ -71,13 +72,13 @@ def read_films(path: str | Path, **stated: Unpack[Stated]) -> Films:
         ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a
             film lacks one of its four rows. The message is one line and says which.
     """
-    return films_in(read_spectra(path, **stated), path)
+    return films_in(read_spectra(path, **stated), path, specular=specular)
 
 
-def films_in(table: SpectraTable, path: str | Path) -> Films:
+def films_in(table: SpectraTable, path: str | Path, *, specular: bool = True) -> Films:
     """Films of a table that was read from a file, as `read_films` gives them; errors name it."""
     with naming(path):
-        return films_of(one_reading(table))
+        return films_of(one_reading(table, specular=specular))
 
 
 def one_reading(table: SpectraTable, *, specular: bool = True) -> SpectraTable:

@@ -175,11 +175,12 @@ def identify(
 
     # A pipe can be read once.
     table = read_spectra(file, **options.stated(quantity, unit, scale))
+    specular = bool(options.read_geometry(instrument, facts.GEOMETRY).sees_surface)
     # Rows in fours are films over cards.
     over_cards = not (ground or opaque) and all(
-        name.rpartition("_")[2] in ROWS for name in one_reading(table).names
+        name.rpartition("_")[2] in ROWS for name in one_reading(table, specular=specular).names
     )
-    measured = films_in(table, file) if over_cards else table
+    measured = films_in(table, file, specular=specular) if over_cards else table
     console = progress.plain_console()
     progress.print_notes(console, file, measured.notes)
     typed |= {"catalogue": catalogue}

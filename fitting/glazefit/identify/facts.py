@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
 
+GEOMETRY = "d:8"
 Typed: TypeAlias = Mapping[str, Any]
 """Options by the names of a command's arguments."""
 
@@ -70,7 +71,7 @@ MaxPaints = Annotated[
         callback=options.between(1, 3), help="Largest number of paints in a film: 1, 2 or 3."
     ),
 ]
-InstrumentName = Annotated[str | None, options.instrument_option("d:8")]
+InstrumentName = Annotated[str | None, options.instrument_option(GEOMETRY)]
 
 
 def check_ground(ground: str | None, *, bare: bool, opaque: bool) -> None:
@@ -129,7 +130,7 @@ def read_search(typed: Typed, console: "Console") -> Search:
         # Before an image is opened or a cluster is asked.
         IdentificationOptions(**facts).refuse_facts()
     instrument = Instrument(
-        options.read_geometry(typed["instrument"], "d:8"), typed["refractive_index"]
+        options.read_geometry(typed["instrument"], GEOMETRY), typed["refractive_index"]
     )
     if references is not None:
         if not by_family:

@@ -14,6 +14,7 @@ from glazejax.extras import require
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from glazejax.geometry import Geometry
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films, Instrument, Noise, Reading
@@ -198,7 +199,7 @@ def posterior(
         reach = common_range(grids) if grids else (0.0, math.inf)
         stated = options.stated(quantity, unit, scale)
         film = (
-            _film(file, sample, stated, reach, console)
+            _film(file, sample, stated, reach, seen_by, console)
             if ground is None
             else _spectrum(file, sample, stated, ground, reach, noise=errors, console=console)
         )
@@ -343,7 +344,12 @@ def _simulate(
 
 
 def _film(
-    file: Path, sample: str, stated: "Stated", reach: tuple[float, float], console: "Console"
+    file: Path,
+    sample: str,
+    stated: "Stated",
+    reach: tuple[float, float],
+    geometry: "Geometry",
+    console: "Console",
 ) -> "Films":
     """The film of a file that was read over both cards."""
     from glazejax.io.spectra_table import there_are
@@ -351,7 +357,8 @@ def _film(
     from ..film.readers import read_films
     from ..film.shared_bands import PAINTS_KNOWN, crop
 
-    films = crop(read_films(file, **stated), *reach, PAINTS_KNOWN)
+    films = read_films(file, specular=bool(geometry.sees_surface), **stated)
+    films = crop(films, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         raise ValueError(

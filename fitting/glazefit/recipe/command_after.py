@@ -58,7 +58,9 @@ def say_addition(
     recipe, mixture_paints = read_mixture(mixed, shelf)
     mass = sum(recipe.values()) if batch is None else batch
     mixed_paints = [mixture_paints[name] for name in recipe]
-    film, wavelengths = read_film(reading, samples, mixed_paints, console, **stated)
+    film, wavelengths = read_film(
+        reading, samples, mixed_paints, console, instrument.geometry, **stated
+    )
     with progress.follow("compiling, then fitting the reading") as report:
         calibrated = calibrate_mixture(
             mixture_paints,

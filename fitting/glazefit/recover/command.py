@@ -231,7 +231,7 @@ def recover(
         films = simulate_paints(simulated, metres, seed=seed, **fit_options)
     else:
         assert file is not None
-        films = read_loose_films(file, **stated)
+        films = read_loose_films(file, specular=bool(seen_by.sees_surface), **stated)
         if chosen := options.split_names(samples):
             films = films.select(chosen)
         progress.print_notes(console, file, films.notes)

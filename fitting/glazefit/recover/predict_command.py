@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
+    from glazejax.geometry import Geometry
     from glazejax.io.quantity import Stated
 
     from ..film.films import Films
@@ -122,7 +123,7 @@ def predict(
     if reading is not None:
         stated = options.stated(quantity, unit, scale)
         paints = [shelf[paint] for paint in recipe]
-        film, whole_grid = read_film(reading, samples, paints, console, **stated)
+        film, whole_grid = read_film(reading, samples, paints, console, seen_by, **stated)
         gauge = read_gauge(film_thickness, film.names, "--film-thickness")
         with progress.follow("compiling, then fitting the reading") as report:
             calibrated = calibrate_mixture(
@@ -246,10 +247,12 @@ def read_film(
     samples: str,
     paints: "Sequence[Pigment]",
     console: "Console",
+    geometry: "Geometry",
     **stated: Unpack["Stated"],
 ) -> "tuple[Films, Float[np.ndarray, 'bands'] | None]":
     """The one film that was read, on a grid that all these paints cover, and wavelengths (nm) that
-    a reading of few bands is completed at; None where it has enough for a colour.
+    a reading of few bands is completed at; None where it has enough for a colour. Of a file of both
+    kinds of readings the geometry says which is taken.
     """
     import numpy as np
 
@@ -258,7 +261,7 @@ def read_film(
     from ..film.readers import read_loose_films
     from ..film.shared_bands import average, crop
 
-    films = read_loose_films(path, **stated)
+    films = read_loose_films(path, specular=bool(geometry.sees_surface), **stated)
     if chosen := options.split_names(samples):
         films = films.select(chosen)
     if len(films) != 1:

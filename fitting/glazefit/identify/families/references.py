@@ -88,7 +88,8 @@ def read_references(
 
     Args:
         path: of the table.
-        instrument: that read it, see `glazejax.geometry.resolve_instrument`; d:8 by default.
+        instrument: that read it, see `glazejax.geometry.resolve_instrument`; d:8 by default. Of a
+            table of both, readings with the specular component are taken if it sees that.
         stated: ``quantity``, ``unit`` and ``scale``, as `glazejax.io.read_spectra` takes them.
 
     Raises:
@@ -99,9 +100,10 @@ def read_references(
     table = read_spectra(path, **stated)
     titles = [title for title in table.attributes if title.strip().lower() == "family"]
     families = dict(zip(table.names, table.attributes[titles[0]], strict=True)) if titles else {}
+    seen_by = resolve_instrument(instrument)
     with naming(path):
-        films = loose_films(one_reading(table))
-        return references_of(films, families, instrument=instrument, source=Path(path).name)
+        films = loose_films(one_reading(table, specular=bool(seen_by.geometry.sees_surface)))
+        return references_of(films, families, instrument=seen_by, source=Path(path).name)
 
 
 def references_of(
