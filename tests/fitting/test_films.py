@@ -286,6 +286,13 @@ def test_films_are_simulated_on_a_grid_of_whole_numbers():
     assert_array_equal(whole.over_cards, films.over_cards)
 
 
+def test_one_film_is_simulated_from_one_spectrum():
+    grid = np.array([400.0, 500.0, 600.0])
+    k, s = np.array([0.1, 0.3, 0.5]), np.full(3, 2.0)
+    films = simulate_films(grid, k[None], s[None], names=["a"])
+    assert_array_equal(simulate_films(grid, k, s, names=["a"]).over_cards, films.over_cards)
+
+
 def test_spectra_to_simulate_are_not_reordered():
     grid = np.array([400.0, 500.0, 600.0])
     right, turned = np.full((2, 3), 0.3), np.full((3, 2), 0.3)

@@ -39,7 +39,8 @@ def simulate_films(
         ValueError: a grid that is not legal, or k d or s d of another shape.
     """
     grid = validate_wavelengths(wavelengths)
-    k, s = np.asarray(absorption), np.asarray(scattering)
+    # A single film may be given as (bands,).
+    k, s = np.atleast_2d(absorption), np.atleast_2d(scattering)
     for what, values in (("absorption", k), ("scattering", s)):
         if values.ndim not in (2, 3) or values.shape[:2] != (len(names), grid.size):
             raise ValueError(
