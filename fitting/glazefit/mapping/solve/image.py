@@ -128,6 +128,12 @@ class Image:
         """Bands of the image in each that is worked with."""
         return np.count_nonzero(self.bands.mean, axis=0).astype(float)
 
+    @property
+    def used(self) -> slice:
+        """Stored bands from the first to the last that is worked with."""
+        first, last = np.flatnonzero(self.bands.mean.any(axis=1))[[0, -1]].tolist()
+        return slice(first, last + 1)
+
     def cube(self) -> "xarray.DataArray":
         """The lazy image."""
         from glazejax.io import CubeSource
@@ -143,11 +149,10 @@ class Image:
             block: reflectance; a missing band makes all readings of a pixel NaN, a saturated one
                 infinite.
         """
-        mean = self.bands.mean
-        first, last = np.flatnonzero(mean.any(axis=1))[[0, -1]]
-        block = block[:, first : last + 1].astype(np.float32, copy=False)
+        used = self.used
+        block = block[:, used].astype(np.float32, copy=False)
         with np.errstate(invalid="ignore"):
-            readings = block @ mean[first : last + 1].astype(np.float32)
+            readings = block @ self.bands.mean[used].astype(np.float32)
             full = block.max(axis=1) >= self.cube().attrs.get("saturated", np.inf)
             odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
         # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.

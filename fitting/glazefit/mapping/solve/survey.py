@@ -111,6 +111,7 @@ def _sample(
     # Some 60 000 pixels in all.
     step = max(1, -(-len(lines) * width // 60_000))
     readings = [np.zeros((0, image.bands.wavelengths.size), np.float32)]
+    used = image.used
     rough = []
     for number, y in enumerate(lines.tolist()):
         progress(number, len(lines), "reading")
@@ -122,12 +123,13 @@ def _sample(
         # Whole lines: their numbers lie together in a file.
         block = cube[y].to_numpy()[use]
         readings.append(image.means(block))
-        # Some thousand spectra are enough to estimate the noise.
-        fine = block[:: max(1, len(use) * len(lines) // 4000)]
+        # Some thousand spectra are enough to estimate the noise. Bands at a sensor's ends that the
+        # map does not use may be noisier, or empty.
+        fine = block[:: max(1, len(use) * len(lines) // 4000), used]
         rough.append(fine[np.isfinite(fine).all(axis=1)])
     progress(len(lines), len(lines), "reading")
     noise = image.noise
     if noise is None:
-        stored = np.asarray(cube["wavelength"], float)
+        stored = np.asarray(cube["wavelength"], float)[used]
         noise = spectra_noise(stored, np.concatenate(rough).astype(float)) if rough else Noise()
     return np.concatenate(readings), np.cumsum([len(line) for line in readings])[1:-1], noise
