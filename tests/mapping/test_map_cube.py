@@ -14,7 +14,7 @@ from glazefit.mapping.solve.spots import spot_pigment
 from glazefit.mapping.solve.task import map_task
 from glazefit.mapping.store.layout import BY_NAME, Status, Way
 from glazefit.mapping.store.store import MapStore
-from glazejax import Glaze, Hemispherical, Layer, reflectance
+from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 from glazejax.geometry import resolve_instrument
 from glazejax.io import CubeSource
 from tests.mapping import small
@@ -330,6 +330,37 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     os.utime(white, ns=(0, time))
     with refusal(r"other options \(image: hash is another\)"):
         begin()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"wavelengths": np.linspace(410.0, 710.0, 31)},
+        {"absorption_sd": np.full(31, 0.2)},
+        {"scattering_sd": np.full(31, 0.1)},
+        {"error_modes": np.full((1, 2, 31), 0.1)},
+        {"family": "zinc white"},
+        {"source": "another hand"},
+    ],
+)
+def test_a_paint_that_changed_is_another(change: dict[str, Any]):
+    grid = np.linspace(400.0, 700.0, 31)
+    image = small.image(np.full((2, 2, 31), 0.4, "f4"), grid)
+    usual: dict[str, Any] = {
+        "name": "Paint",
+        "wavelengths": grid,
+        "absorption": np.full(31, 1.0),
+        "scattering": np.full(31, 2.0),
+        "absorption_sd": np.full(31, 0.1),
+    }
+    further = Pigment("Other", grid, np.full(31, 2.0), np.full(31, 1.0))
+    kept, same, changed = (
+        map_task(image, [Pigment(**described), further], opaque=True).options["catalogue"]
+        for described in (usual, dict(usual), usual | change)
+    )
+    assert kept == same
+    assert kept["Paint"] != changed["Paint"]
+    assert kept["Other"] == changed["Other"]
 
 
 def test_the_bar_moves_in_every_stage(made):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 
+from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 from glazejax.spectra import Bands, validate_wavelengths
 
@@ -113,9 +114,9 @@ def map_task(
     # All that decides what a pixel's answer is: a map goes on only where these are the same.
     options = {
         # Of what a map's store holds.
-        "version": 5,
+        "version": 6,
         "image": same_image,
-        "catalogue": {p.name: digest(p.absorption, p.scattering) for p in paints},
+        "catalogue": {paint.name: _identity_of_paint(paint) for paint in paints},
         "ground": below,
         "mask": None if use is None else digest(use),
         "geometry": seen_by.geometry.describe(),
@@ -139,6 +140,21 @@ def map_task(
         searcher=searcher,
         options=options,
     )
+
+
+def _identity_of_paint(paint: Pigment) -> str:
+    """Sixteen hexadecimal digits of all of a paint that an answer depends on."""
+    arrays = (
+        paint.wavelengths,
+        paint.absorption,
+        paint.scattering,
+        paint.absorption_sd,
+        paint.scattering_sd,
+        paint.error_modes,
+    )
+    # The provenance is left out: it may be the path of the table, which may be moved.
+    each = ["" if array is None else digest(array) for array in arrays]
+    return digest(np.array([paint.family, paint.source, *each]))
 
 
 def _check_image(array: "xarray.DataArray") -> "xarray.DataArray":
