@@ -22,7 +22,7 @@ from glazefit.identify.search.task import Measured
 from glazefit.identify.show.page import DRAWN, LISTED, page, plot_axes, write_page
 from glazefit.identify.show.record import make_record, table_of_record
 from glazefit.identify.show.ruled_out import ruled_out
-from glazefit.page.inputs import input_files
+from glazefit.page.inputs import input_files, with_its_pair
 from glazefit.page.plot import PlotAxes
 from glazefit.page.subject import check_subject
 from glazejax.commands.command_line import ground_file
@@ -471,6 +471,14 @@ def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path)
     assert sheet["name"].endswith("book.xlsx:data")
     assert sheet["sha256"] == seen[0]["sha256"]
     assert ground_file(f"{tmp_path / 'book.xlsx'}:data:white") == tmp_path / "book.xlsx"
+
+
+def test_a_folder_is_no_half_of_an_envi_pair(tmp_path):
+    for name in ("bands.hdr", "panel", "panel.hdr"):
+        (tmp_path / name).touch()
+    (tmp_path / "bands").mkdir()
+    assert with_its_pair(tmp_path / "bands") == [tmp_path / "bands"]
+    assert with_its_pair(tmp_path / "panel") == [tmp_path / "panel", tmp_path / "panel.hdr"]
 
 
 def test_what_a_page_of_paper_has_no_room_for_is_named_there():

@@ -194,6 +194,40 @@ def test_bad_options_end_in_one_sentence(arguments, complaint, mapped):
     assert not mapped
 
 
+@pytest.mark.parametrize(
+    ("files", "arguments", "complaint"),
+    [
+        ("a.raw a.hdr", "a.raw --export a.img", "--export is a.hdr, a file that is read"),
+        ("a a.hdr", "a --export a.img", "--export is a.hdr, a file that is read"),
+        ("a.raw a.raw.hdr", "a.raw --csv a.raw.hdr", "--csv is a.raw.hdr, a file that is read"),
+        ("a.img a.img.hdr", "a.img.hdr --export a.hdr", "--export is a.img, a file that is read"),
+        ("w.raw w.hdr", "a.hdr --white w.raw --export w.img", "--export is w.hdr, a file that"),
+        ("nm.csv", "a.hdr --wavelengths nm.csv --csv nm.csv", "--csv is nm.csv, a file that"),
+        ("w.csv", "a.hdr --white-reflectance w.csv --csv w.csv", "--csv is w.csv, a file that"),
+        (
+            "page/references.csv",
+            "a.hdr --references page/references.csv --report page",
+            "--report page holds references.csv, a file that is read",
+        ),
+        (
+            "page/paints_with_spots.csv",
+            "a.hdr --pigments page/paints_with_spots.csv --report page",
+            "--report page holds paints_with_spots.csv, a file that is read",
+        ),
+    ],
+)
+def test_no_file_that_is_read_is_replaced(files, arguments, complaint, mapped):
+    for file in map(Path, files.split()):
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("kept")
+    done = run(*arguments.split(), "--opaque", "--overwrite")
+    assert isinstance(done.exception, ValueError), done.output
+    assert complaint in str(done.exception)
+    assert {file for file in Path().rglob("*") if file.is_file()} == {*map(Path, files.split())}
+    assert all(Path(file).read_text() == "kept" for file in files.split())
+    assert not mapped
+
+
 def test_options_are_read_as_they_are_written():
     assert read_memory("2GiB") == 2**31
     assert read_memory("800 MB") == 800_000_000

@@ -228,12 +228,14 @@ def map_(
     bound = read_memory(memory)
     spots = spot or []
     read_spots(spots, [])
+    bands_of_cube = read_wavelengths(wavelengths)
+    white_level = read_white(white_reflectance)
     reading = {
-        "wavelengths": read_wavelengths(wavelengths),
+        "wavelengths": bands_of_cube,
         "dataset": dataset or None,
         "white": white,
         "dark": dark,
-        "white_reflectance": read_white(white_reflectance),
+        "white_reflectance": white_level,
         "quantity": quantity,
         "unit": unit,
         "scale": scale,
@@ -245,6 +247,8 @@ def map_(
         "--mask": mask,
         "--white": white,
         "--dark": dark,
+        "--white-reflectance": white_level if isinstance(white_level, Path) else None,
+        "--wavelengths": bands_of_cube if isinstance(bands_of_cube, Path) else None,
         "--pigments": pigments,
         "--references": references,
         "--ground": ground_file(ground),
@@ -410,7 +414,10 @@ def _check_outputs(
     report: Path | None,
     overwrite: bool,
 ) -> None:
-    """Refuse what could not be written in the end, before anything is read."""
+    """Refuse what could not be written in the end, or would replace what is read, before anything
+    is read.
+    """
+    from ..page.inputs import with_its_pair
     from .store.export import check_export
     from .store.store import check_map
 
@@ -418,13 +425,14 @@ def _check_outputs(
         if path is not None and path.resolve() == out.resolve():
             raise ValueError(f"--out is {out}, which is {name}: give the map another name")
     check_map(out, overwrite=overwrite)
+    read = [file for path in inputs.values() if path is not None for file in with_its_pair(path)]
     files = {"--csv": csv}
     if export is not None:
         exported = check_export(export, overwrite=overwrite, argument="--export")
         files |= dict(zip(("--export", "the image of --export"), exported, strict=False))
-    options.check_outputs(files, overwrite, inputs=list(inputs.values()))
+    options.check_outputs(files, overwrite, inputs=read)
     if report is not None:
         require("matplotlib", "jinja2")
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")
-        options.check_folder(report, overwrite, argument="--report")
+        options.check_folder(report, overwrite, argument="--report", inputs=read)

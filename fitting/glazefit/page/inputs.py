@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from glazejax.io.formats.envi import DATA_ENDINGS
-from glazejax.io.source import split_sheet
+from glazejax.io.source import DATA_ENDINGS, split_sheet
 
 _ENVI = ("", ".hdr", *(f".{ending}" for ending in DATA_ENDINGS))
 
@@ -20,16 +19,19 @@ def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
     """
     out = []
     for role, path in files.items():
-        for file in [] if path is None else _with_its_pair(path):
+        for file in [] if path is None else with_its_pair(path):
             size, checksum = _checksum(split_sheet(file)[0])
             out.append({"role": role, "name": str(file), "bytes": size, "sha256": checksum})
     return out
 
 
-def _with_its_pair(path: Path) -> list[Path]:
-    if path.suffix.lower() not in _ENVI[1:]:
+def with_its_pair(path: Path) -> list[Path]:
+    """A file and, where it is half of an ENVI pair, the other half."""
+    if path.suffix.lower() not in _ENVI or path.is_dir():
         return [path]
-    candidates = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
+    candidates = {path.with_suffix(end) for word in _ENVI for end in (word, word.upper())}
+    # The header of cube.img may be cube.img.hdr, too.
+    candidates |= {path.with_name(f"{path.name}{end}") for end in (".hdr", ".HDR")}
     companions = [
         companion for companion in candidates if companion != path and companion.is_file()
     ]

@@ -31,6 +31,8 @@ MAX_LINE = 1 << 22
 # What is read as a whole, and into how many words it may be cut: together they stay below 200 MB.
 MAX_TEXT = 1 << 24
 MAX_WORDS = 1_500_000
+DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
+"""Endings of the binary half of an ENVI pair, next to its .hdr."""
 _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 # Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
 NOBODY = 3.0

@@ -14,7 +14,15 @@ from ..finish import DELETED, RawSpectra, finish, in_order
 from ..probe import scale_of, with_usual_mark
 from ..quantity import Stated, first_quantity, meaning, read_units
 from ..raw_cube import OnDisk, RawCube
-from ..source import Source, explain_errors, is_there, open_source, refusal, show_path
+from ..source import (
+    DATA_ENDINGS,
+    Source,
+    explain_errors,
+    is_there,
+    open_source,
+    refusal,
+    show_path,
+)
 from ..spectra_table import Bands, Chosen, SpectraTable
 from ..words import is_number, read_number
 
@@ -45,8 +53,6 @@ _AXES = {
     "bip": (("lines", "samples", "bands"), (0, 1, 2)),
     "bsq": (("bands", "lines", "samples"), (1, 2, 0)),
 }
-DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
-"""Endings of the binary half of a pair, next to its .hdr."""
 # A library is read as a whole; its numbers take 8 bytes each.
 _MAX_VALUES = 1 << 27
 # A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
