@@ -12,11 +12,14 @@ from glazefit import Noise
 from glazefit.mapping.map_cube import map_cube
 from glazefit.mapping.solve.spots import spot_pigment
 from glazefit.mapping.solve.task import map_task
+from glazefit.mapping.store.export import export_map
 from glazefit.mapping.store.layout import BY_NAME, Status, Way
-from glazefit.mapping.store.store import MapStore
+from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 from glazejax.geometry import resolve_instrument
 from glazejax.io import CubeSource
+from glazejax.io.cubes.arrays import envi_cube
+from tests.io.cubes.images import envi
 from tests.mapping import small
 
 from ..refusals import refusal
@@ -361,6 +364,39 @@ def test_a_paint_that_changed_is_another(change: dict[str, Any]):
     assert kept == same
     assert kept["Paint"] != changed["Paint"]
     assert kept["Other"] == changed["Other"]
+
+
+def test_a_map_keeps_the_place_of_its_image(options: dict[str, Any], tmp_path, monkeypatch):
+    """Of a part of it, with larger pixels; and as an export has it."""
+
+    class Stopped(Exception):
+        pass
+
+    def stop(*_):
+        raise Stopped
+
+    # The place is written as a map is begun.
+    monkeypatch.setattr("glazefit.mapping.map_cube.survey", stop)
+    values = np.full((12, 16, 31), 0.4)
+    place = ["UTM", "1", "1", "500000", "4000000", "2", "3", "33", "North", "WGS-84"]
+    fields = {
+        "map info": [*place, "units=Meters"],
+        "coordinate system string": ['PROJCS["x"', "y]"],
+    }
+    path = envi(tmp_path, values, dtype="f4", wavelengths=np.linspace(400.0, 700.0, 31), **fields)
+    source = CubeSource(path, window=(4, 12, 6, 16), binning=(2, 2, 1))
+    out = tmp_path / "map.zarr"
+    with pytest.raises(Stopped):
+        map_cube(source, FEW, out=out, **dict(options, mask=None, ground=0.5))
+    corner = "UTM, 1, 1, 500012.0, 3999988.0, 4.0, 6.0, 33, North, WGS-84, units=Meters"
+    assert open_map(out).attrs["map_info"] == corner
+    header, _ = export_map(out, tmp_path / "export.hdr")
+    lines = header.read_text().splitlines()
+    assert f"map info = {{ {corner} }}" in lines
+    assert 'coordinate system string = { PROJCS["x",y] }' in lines
+    again = envi_cube(header, None)
+    for axis, stored in (("y", again.y), ("x", again.x)):
+        assert_allclose(stored, source.open()[axis])
 
 
 def test_the_bar_moves_in_every_stage(made):

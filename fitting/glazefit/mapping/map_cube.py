@@ -27,6 +27,7 @@ from .solve.spots import choose_spots
 from .solve.survey import survey
 from .solve.task import map_task
 from .store.chunk import ChunkMaps
+from .store.export import map_place
 from .store.layout import STATUS_WORDS, Status
 from .store.process import one_thread_each
 from .store.run import AT_ONCE, client_in_scope, finish
@@ -130,6 +131,7 @@ def map_cube(
             "made_by": ", ".join(
                 f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
             ),
+            **map_place(task.cube),
         },
         # Numbers along y and x and their attributes.
         coords={

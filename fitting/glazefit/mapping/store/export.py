@@ -222,30 +222,45 @@ def envi_header(dataset: "xarray.Dataset", bands: Mapping[str, object]) -> str:
 
 
 def _place(dataset: "xarray.Dataset") -> dict[str, str]:
-    """Position of the image, from the map's coordinates, which follow windows and bins; nothing for
-    bare pixels.
+    """Position of the image in a header, or the size of its pixels; nothing for bare pixels."""
+    unit, *sizes = _pixels(dataset)
+    if unit == "pixel" or not all(sizes):
+        return {}
+    place = map_place(dataset)
+    if not place:
+        return {"pixel size": f"{{ {sizes[0]!r}, {sizes[1]!r}, units={unit} }}"}
+    titles = {"map_info": "map info", "crs_wkt": "coordinate system string"}
+    return {titles[name]: f"{{ {text} }}" for name, text in place.items()}
+
+
+def map_place(image: "xarray.DataArray | xarray.Dataset") -> dict[str, str]:
+    """Attributes ``map_info`` and ``crs_wkt`` of an image or a map for its own coordinates, which
+    follow windows and bins; nothing for bare pixels, nor for a turned image, which has no
+    coordinates of the map.
     """
-    x = dataset["x"]
-    y = dataset["y"]
-    sizes = [float(axis.attrs.get("pixel_size", 0)) for axis in (x, y)]
-    unit = str(x.attrs.get("units", "pixel"))
-    info = [entry.strip() for entry in str(dataset.attrs.get("map_info", "")).split(",")]
+    info = [entry.strip() for entry in str(image.attrs.get("map_info", "")).split(",")]
     turned = any(
         re.fullmatch(r"rotation\s*=\s*-?0*\.?0*", e, re.I) is None
         for e in info
         if "rotation" in e.lower()
     )
+    if len(info) < 7 or turned:
+        return {}
+    unit, *sizes = _pixels(image)
     if unit == "pixel" or not all(sizes):
         return {}
-    if len(info) < 7 or turned:
-        return {"pixel size": f"{{ {sizes[0]!r}, {sizes[1]!r}, units={unit} }}"}
-    east = float(x[0]) - sizes[0] / 2
-    north = float(y[0]) + sizes[1] / 2
+    east = float(image["x"][0]) - sizes[0] / 2
+    north = float(image["y"][0]) + sizes[1] / 2
     placed = [info[0], "1", "1", *(repr(value) for value in (east, north, *sizes)), *info[7:]]
-    entries = {"map info": f"{{ {', '.join(placed)} }}"}
-    if "crs_wkt" in dataset.attrs:
-        entries["coordinate system string"] = f"{{ {dataset.attrs['crs_wkt']} }}"
-    return entries
+    system = {"crs_wkt": str(image.attrs["crs_wkt"])} if "crs_wkt" in image.attrs else {}
+    return {"map_info": ", ".join(placed), **system}
+
+
+def _pixels(image: "xarray.DataArray | xarray.Dataset") -> tuple[str, float, float]:
+    """Unit of an image's coordinates, and width and height of its pixels, 0 where not stated."""
+    x = image["x"]
+    width, height = (float(axis.attrs.get("pixel_size", 0)) for axis in (x, image["y"]))
+    return str(x.attrs.get("units", "pixel")), width, height
 
 
 def braceless(text: str) -> str:
