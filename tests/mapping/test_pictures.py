@@ -123,6 +123,22 @@ def test_amounts_are_those_of_the_truth(scene, look):
     assert np.isnan(look.paint_amount[~known]).all()
 
 
+def test_a_pixel_that_nothing_explains_shows_no_thickness(made):
+    """Though the map has that of the set that comes nearest."""
+    dataset, sets = made
+    rejected = dataset.copy(deep=True)
+    explained = rejected["explained"].values == 1
+    none = (rejected["status"].values == Status.MAPPED) & ~explained
+    assert none.any()
+    for name in ("thickness", "thickness_sd"):
+        rejected[name].values[none] = 3e-6
+    means = overview(rejected, sets).means
+    for name in ("thickness", "thickness_sd"):
+        assert_array_equal(np.isfinite(means[name]), explained)
+    # How far off the set is, is shown.
+    assert np.isfinite(means["misfit"][none]).all()
+
+
 def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(made):
     dataset, sets = made
     hidden = dataset.copy(deep=True)

@@ -9,7 +9,9 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.show.page_rows import PAINTS, share_words, spot_rows
+from glazefit.mapping.solve.answers import Answers
 from glazefit.mapping.solve.features import Features
+from glazefit.mapping.solve.solver import _sums
 from glazefit.mapping.solve.spots import SPOTS, choose_spots, gather, spot_pigment
 from glazefit.mapping.spot_files import write_spots
 from glazefit.mapping.store.chunk import Unexplained
@@ -61,6 +63,19 @@ def test_each_paint_is_offered_pure(unexplained, monkeypatch):
     assert {words[spot["place"][0]] for spot in spots} >= set(FOREIGN)
     monkeypatch.setattr("glazefit.mapping.solve.spots.SPOTS", 2)
     assert len(choose_spots(found, BARE, len(words))) == 2
+
+
+def test_thickness_of_a_set_that_was_rejected_counts_nowhere():
+    answers = Answers.empty(4, 2, 3)
+    answers.members[:, 0] = 1
+    answers.amounts[:, 0] = np.log([1e-6, 2e-6, 4e-6, 8e-6])
+    answers.explained[:3] = True
+    answers.opaque[2] = True
+    sums = _sums(answers, np.full((4, 3), 0.5, np.float32))
+    assert {members: one.pixels for members, one in sums.items()} == {(1,): 3, (): 1}
+    assert sums[1,].pixels_with_thickness == 2
+    assert sums[1,].thickness_um == pytest.approx(1.5)
+    assert sums[()].thickness_um is None
 
 
 def test_few_pixels_are_no_paint(unexplained):

@@ -48,8 +48,8 @@ class Overview:
         paints: their names, by number.
         sets: sums over the pixels of each set, by its members ascending; () where nothing in the
             catalogue explains them.
-        means: by name, (rows, columns), means over the mapped pixels of each square; NaN where
-            there are none.
+        means: by name, (rows, columns), means over the mapped pixels of each square, of thickness
+            over those that a set explains; NaN where there are none.
         paint_probability, paint_amount, paint_share: (rows, columns, paints), coarser means; amount
             in m.
         examples: by name, (rows, columns, ...), the pixel in the middle of each square.
@@ -226,10 +226,13 @@ def pixel_area(dataset: "xr.Dataset") -> float | None:
 def _parts(block: Mapping[str, np.ndarray], step: int, coarse: int) -> dict[str, np.ndarray]:
     """A block's share of the pictures; those of single paints are coarser."""
     mapped = block["status"] == Status.MAPPED
-    pictures = {
-        f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS
-    }
     explained = mapped & (block["explained"] > 0)
+    # Elsewhere it is the thickness of a set that was rejected.
+    of_sets = {"thickness": explained, "thickness_sd": explained}
+    pictures = {
+        f"mean_{name}": square_means(np.where(of_sets.get(name, mapped), block[name], np.nan), step)
+        for name in _MEANS
+    }
     share = np.zeros(block["paint_probability"].shape, np.float32)
     ys, xs, slots = np.nonzero((block["members"] >= 0) & explained[..., None])
     share[ys, xs, block["members"][ys, xs, slots]] = block["fraction"][ys, xs, slots]

@@ -108,7 +108,9 @@ def _sums(answers: Answers, spectra: SpectraReadings) -> dict[Members, SetSum]:
         rows = np.flatnonzero(which == number)
         readings = spectra[rows].astype(np.float64)
         fitted = answers.fitted[rows].astype(np.float64)
-        thickness = film_thickness[rows][~answers.opaque[rows]].astype(np.float64)
+        # Where nothing explains a pixel its thickness is that of a set that was rejected.
+        thick = rows[answers.explained[rows] & ~answers.opaque[rows]]
+        thickness = film_thickness[thick].astype(np.float64)
         key = tuple(paint for paint in paints if paint != NOBODY)
         out[key] = SetSum(
             pixels=len(rows),
