@@ -1,5 +1,7 @@
 """Pictures of a map and the counts they are made from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -12,6 +14,7 @@ from glazefit.mapping.show.legend import (
     legend_colours,
     seen_colours,
 )
+from glazefit.mapping.show.names import file_stems
 from glazefit.mapping.show.overview import overview
 from glazefit.mapping.show.pictures import (
     MapPicture,
@@ -216,6 +219,15 @@ def test_own_colours_are_those_of_the_paint(look):
     for members, colour in zip(look.shown, own, strict=True):
         mean = look.colour[look.where(members)].mean(axis=0)
         assert np.abs(mean - rgb(colour)).max() < 15
+
+
+def test_each_paint_has_files_of_its_own(look):
+    names = ["Red (light)", "Red [light]", "red {light}", "Blau-Grün", "Red__light__2"]
+    stems = ["Red__light_", "Red__light__2", "red__light__3", "Blau-Grün", "Red__light__2_2"]
+    assert file_stems(names) == stems
+    renamed = replace(look, paints=(*names, *look.paints[len(names) :]))
+    keys = [paint_pictures(renamed, paint)[0].key for paint in range(len(names))]
+    assert keys == [f"{stem}_probability" for stem in stems]
 
 
 def test_a_number_is_its_colour_and_grey_where_it_is_not_known():

@@ -23,6 +23,22 @@ def set_words(members: Iterable[int], paints: Sequence[str]) -> str:
     return " + ".join(paints[member] for member in sorted(members) if member >= 0)
 
 
+def file_stems(names: Iterable[str]) -> list[str]:
+    """Names as parts of files' names; one that repeats, whatever its capitals, has a number: many
+    disks do not distinguish them.
+    """
+    stems: dict[str, str] = {}
+    for name in names:
+        plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+        stem = plain
+        number = 1
+        while stem.casefold() in stems:
+            number += 1
+            stem = f"{plain}_{number}"
+        stems[stem.casefold()] = stem
+    return [*stems.values()]
+
+
 def set_labels(found: "xarray.Dataset") -> "xarray.DataArray":
     """Names of the paints in the most probable set of every pixel, such as ``ZincWhite +
     CobaltBlue``.

@@ -15,7 +15,7 @@ from glazejax.plots import hex_colour
 from ..store.chunk import Members, SetSums
 from ..store.layout import Status
 from .legend import MOST_SETS, legend_colours
-from .names import paint_names, set_words
+from .names import file_stems, paint_names, set_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,6 +88,11 @@ class Overview:
         for members, sums in self.sets.items():
             counts[list(members)] += sums.pixels
         return counts
+
+    @cached_property
+    def file_stems(self) -> list[str]:
+        """Names of the paints as parts of files' names."""
+        return file_stems(self.paints)
 
     @cached_property
     def ranked(self) -> list[Members]:

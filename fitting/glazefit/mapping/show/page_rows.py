@@ -13,7 +13,7 @@ from ...page.plot import PlotAxes
 from ...page.words import typeset
 from ..store.chunk import Bands, Members, SetSum, rms_difference, true_colour
 from .overview import Overview
-from .pictures import RGB, enlarge, file_stem, paint_pictures
+from .pictures import RGB, enlarge, paint_pictures
 
 SPECTRA = "spots.csv"
 PAINTS = "paints_with_spots.csv"
@@ -109,7 +109,7 @@ def family_rows(look: Overview) -> list[dict[str, Any]]:
     return [
         {
             "name": look.paints[number],
-            "key": f"{file_stem(look.paints[number])}_place",
+            "key": f"{look.file_stems[number]}_place",
             "pixels": look.in_set[number],
             "place": _place(look, number),
             "probability": paint_pictures(look, number)[0],

@@ -143,8 +143,9 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     ground.
     """
     name = look.paints[paint]
+    stem = look.file_stems[paint]
     first = MapPicture(
-        key=f"{file_stem(name)}_probability",
+        key=f"{stem}_probability",
         title=f"{name}: probability",
         values=look.paint_probability[..., paint],
         colours="magma_r",
@@ -154,7 +155,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     with np.errstate(invalid="ignore"):
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
     second = MapPicture(
-        key=f"{file_stem(name)}_{'share' if unknown else 'amount'}",
+        key=f"{stem}_{'share' if unknown else 'amount'}",
         title=f"{name}: {'share by mass' if unknown else 'amount'}",
         values=share if unknown else amount,
         colours="magma_r",
@@ -334,8 +335,3 @@ def _top(values: np.ndarray, percentile: float, least: float) -> float:
     return float(
         next(unit * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if unit * step >= top * 0.999)
     )
-
-
-def file_stem(name: str) -> str:
-    """A paint's name as part of a file's."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
