@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.mapping.show.legend import (
@@ -15,7 +16,7 @@ from glazefit.mapping.show.legend import (
     seen_colours,
 )
 from glazefit.mapping.show.names import file_stems
-from glazefit.mapping.show.overview import overview
+from glazefit.mapping.show.overview import overview, pixel_area
 from glazefit.mapping.show.pictures import (
     MapPicture,
     colour_numbers,
@@ -80,6 +81,27 @@ def test_every_pixel_is_counted_once(scene, dataset, look):
         assert look.in_set[paint] == look.likely[paint] == count
     # Quarter of a millimetre a side.
     assert look.pixel_area == pytest.approx(0.25e-3**2)
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [
+        ("Meters", 1.0),
+        ("centimeters", 1e-2),
+        ("millimeters", 1e-3),
+        ("millimetre", 1e-3),
+        ("micrometers", 1e-6),
+        ("µm", 1e-6),
+        ("pixel", None),
+        ("degrees", None),
+    ],
+)
+def test_a_pixel_has_an_area_in_units_of_length(unit, metres):
+    places = {
+        name: (name, [0.5, step + 0.5], {"units": unit}) for name, step in (("y", 2), ("x", 3))
+    }
+    area = pixel_area(xarray.Dataset(coords=places))
+    assert area == (None if metres is None else pytest.approx(6 * metres**2))
 
 
 def test_paints_in_another_order_are_the_same_set(made, look):

@@ -205,17 +205,9 @@ def pixel_area(dataset: "xr.Dataset") -> float | None:
     """Area of a pixel in m2 by the coordinates y and x, or None where they have no unit
     of length.
     """
-    metres = {
-        "m": 1.0,
-        "metre": 1.0,
-        "meter": 1.0,
-        "metres": 1.0,
-        "meters": 1.0,
-        "cm": 1e-2,
-        "mm": 1e-3,
-        "um": 1e-6,
-        "µm": 1e-6,
-    }
+    metres = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+    for prefix, size in (("", 1.0), ("centi", 1e-2), ("milli", 1e-3), ("micro", 1e-6)):
+        metres |= {f"{prefix}{word}": size for word in ("metre", "meter", "metres", "meters")}
     area = 1.0
     for name in ("y", "x"):
         if name not in dataset.coords or dataset.sizes[name] < 2:
