@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _WAYS = {
-    Way.NONE: "not answered",
     Way.UPDATED: "from the representative next to it, in closed form",
     Way.SEARCHED: "by a search of its own",
     Way.NEIGHBOUR: "from a pixel nearby that was searched, in closed form",
