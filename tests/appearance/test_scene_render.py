@@ -256,6 +256,17 @@ def test_lamps_have_luminance_one_and_keep_their_lines():
         assert difference < limit, name
 
 
+def test_bands_between_whole_nanometres_have_the_power_of_the_lamp():
+    fine = np.arange(400.0, 701.0)
+    whole = lamp("D65", fine)
+    uneven = np.concatenate([np.arange(400.0, 500.0, 0.7), np.arange(500.25, 700.0, 9.5)])
+    for grid in (np.arange(400.0, 700.1, 0.5), np.arange(400.0, 700.0, 0.3), uneven):
+        spectrum = lamp("D65", grid)
+        assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
+        assert_allclose(light_white(spectrum, grid), light_white(whole, fine), atol=2e-3)
+        assert_allclose(spectrum, np.interp(grid, fine, whole), rtol=0.03)
+
+
 def test_measured_lamps(tmp_path):
     table = tmp_path / "lamps.csv"
     table.write_text(

@@ -179,12 +179,15 @@ def lamp_on_bands(
     # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated
     # if need be.
     outer = np.concatenate([[grid[0] - steps[0]], grid, [grid[-1] + steps[-1]]])
-    # 1 nm is fine enough for every table of lamps there is.
-    fine = np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0)
+    # 1 nm is fine enough for every table of lamps there is. With the bands themselves, a narrow one
+    # that has no whole number around it still has a value.
+    fine = np.union1d(np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0), grid)
     power = np.interp(fine, own, values)
     hats = np.stack(
         [np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)]
     )
+    # Each sample counts for the wavelengths that are nearest to it.
+    hats *= np.gradient(fine)
     bands = (hats @ power) / hats.sum(axis=1)
     luminance = float(bands @ colour_weights(grid, "E")[:, 1])
     return strength * bands / luminance
