@@ -362,6 +362,13 @@ def ball_of(material):
             ball_of(Glazed(blue_glaze(np.array([1e-6, 2e-6])))),
             "'m': .* map of thicknesses",
         ),
+        (
+            {
+                "materials": {"m": Glazed(blue_glaze(), np.full((2, 2), 1e-6))},
+                "shapes": [Mesh("m", np.eye(3), np.array([[0, 1, 2]]))],
+            },
+            "material 'm' has a thickness map, but a mesh of it has no texture coordinates",
+        ),
     ],
 )
 def test_scenes_that_cannot_be(change, words):

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from ...spectra import Bands, Grid, Numbers, validate_wavelengths
 from .lights import AreaLight, Light
 from .materials import Glazed, Material, check_spectrum
-from .shapes import Plane, Shape, Vector, positive, vector, whole
+from .shapes import Mesh, Plane, Shape, Vector, positive, vector, whole
 
 # Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a
 # workstation.
@@ -94,7 +94,8 @@ class Scene:
             surface as well, of which `path_trace` follows every bounce.
 
     Raises:
-        ValueError: something is missing, names a material there is not, or has other bands.
+        ValueError: something is missing, names a material there is not, or has other bands, or a
+            thickness map is to lie on a mesh without texture coordinates.
     """
 
     wavelengths: Grid
@@ -127,6 +128,12 @@ class Scene:
                 names = ", ".join(self.materials) or "none"
                 raise ValueError(
                     f"a shape has the material {shape.material!r}, but there are: {names}"
+                )
+            mapped = self.materials[shape.material].thickness_map is not None
+            if mapped and isinstance(shape, Mesh) and shape.uv is None:
+                raise ValueError(
+                    f"the material {shape.material!r} has a thickness map, but a mesh of it has no "
+                    "texture coordinates (u, v) to lay it on: give them, or an even thickness"
                 )
         for name, material in self.materials.items():
             material.check(name, grid)
