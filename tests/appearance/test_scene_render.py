@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from glazejax import Bidirectional, Glaze, Layer, colour, reflectance
 from glazejax.appearance.scene.draw.intersect import make_geometry
 from glazejax.appearance.scene.draw.rays import lamps, trace
-from glazejax.appearance.scene.draw.render import render
+from glazejax.appearance.scene.draw.render import _Work, render
 from glazejax.appearance.scene.draw.shade import radiance, sample_map
 from glazejax.appearance.scene.lights import (
     ParallelLight,
@@ -31,6 +31,7 @@ from glazejax.appearance.scene.picture import (
 )
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.progress import no_progress
 from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
 
 from ..checks import check_slopes
@@ -191,6 +192,14 @@ def test_a_picture_without_spectra_has_the_same_colours():
         with refusal("spectral=True for another"):
             picture_xyz(part, grid, 10)
         assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
+
+
+def test_rays_of_finished_tiles_make_room():
+    sun = ParallelLight((0, 0, -1), 1.0)
+    made = flat(Lambert(0.5), sun, Camera((0, -3, 2)), width=8, height=8)
+    work = _Work(scene=made, spectral=True, adaptive=True, tolerance=1e-3, progress=no_progress)
+    work.run()
+    assert work.kept == 0
 
 
 def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):

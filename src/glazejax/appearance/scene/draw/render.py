@@ -217,7 +217,10 @@ class _Work:
                 np.asarray(samples).reshape(tile.pixels.size, -1, samples.shape[-1]).mean(axis=1)
             )
             image[tile.pixels] = colours if self.weights is None else colours @ self.weights
-            tile.bounces = None
+            if tile.bounces is not None:
+                # Its room is that of tiles to come.
+                self.kept -= sum(bounce.bytes for bounce in bounces)
+                tile.bounces = None
         self._report(end, "computing spectra")
 
 
