@@ -175,6 +175,16 @@ def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
     assert abs(off.mean()) < 5.0 * found.report.pixel_noise / np.sqrt(off.size)
 
 
+def test_a_picture_interrupted_before_its_first_pass_is_empty(mi):
+    def stop(done, total, words):
+        if words == "following paths" and done == 0:
+            raise KeyboardInterrupt
+
+    found = path_trace(made(GROUND, GREY, [SUN], width=2, height=2), samples=4, progress=stop)
+    assert found.done == 0
+    assert np.isnan(found.values).all()
+
+
 def test_a_users_own_variant_stays(mi):
     scene = made(GROUND, GREY, [SUN], width=2, height=2)
     try:

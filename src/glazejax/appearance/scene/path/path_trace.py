@@ -96,7 +96,8 @@ def path_trace(
         progress: called with the passes that are done.
 
     Returns:
-        `PathTraced`. Interrupted from the keyboard, it is the mean of the passes done.
+        `PathTraced`. Interrupted from the keyboard, it is the mean of the passes done, and NaN
+        before the first.
 
     Raises:
         ModuleNotFoundError: Mitsuba is not installed.
@@ -167,8 +168,8 @@ def _mean(
     report.passes = count
     report.samples = count * samples_each
     report.rays = report.samples * report.pixels
-    if count:
-        total /= count
+    # NaN before the first pass is done.
+    total = total / count if count else np.full_like(total, np.nan)
     mean = float(np.mean(means)) if count else 0.0
     # Standard errors of the mean: of a pixel, and of the picture.
     if count > 1 and mean > 0:
