@@ -278,6 +278,11 @@ def test_a_small_scene_is_what_its_file_says(read):
         ),
         (
             "width = 12",
+            "width = 12\ntolerance = 2.0",
+            r"\[picture\] tolerance: tolerance is 2.0; it must be between 0 and 1",
+        ),
+        (
+            "width = 12",
             'width = 12\nwhite = "moon"',
             r"\[picture\] white: 'moon' is none of the lights \(sun\)",
         ),
@@ -435,6 +440,11 @@ def test_the_command_path_traces(write, tmp_path):
     ):
         refused = run(write(LIT), "-o", out, "--overwrite", "--renderer", "mitsuba", *arguments)
         assert words in str(refused.exception)
+    loose = write(LIT.replace("width = 12", "width = 12\ntolerance = 0.5"))
+    refused = run(loose, "-o", out, "--overwrite", "--renderer", "mitsuba", "--samples", "16")
+    assert isinstance(refused.exception, ValueError)
+    words = "tolerance is 0.5; it must be a number between 1e-05 and 0.1"
+    assert str(refused.exception) == words
 
 
 def test_the_example_by_a_window_is_for_the_path_tracer():

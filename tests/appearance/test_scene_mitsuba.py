@@ -302,6 +302,13 @@ def test_samples_out_of_range_are_refused():
             path_trace(scene, samples=samples)
 
 
+def test_a_tolerance_out_of_range_is_refused_before_anything_is_drawn():
+    scene = made([square()], GREY, [SUN])
+    for tolerance in (0.0, 1.0, np.nan):
+        with refusal("tolerance is .*; it must be between 0 and 1"):
+            render(scene, tolerance=tolerance)
+
+
 def test_meshes_keep_their_coordinates(tmp_path):
     from glazejax.appearance.scene.path.mitsuba_shapes import relief_mesh, write_ply
 

@@ -20,6 +20,7 @@ from msgspec import structs
 from ...colour import colour_weights
 from ...io.source import open_source
 from ...io.words import parse_grid
+from ...radiative.common.inputs import check_tolerance
 from ...spectra import Bands, describe_grid, validate_wavelengths
 from ..display.display import Display
 from .file_materials import read_grey, read_material, read_reflectance
@@ -220,6 +221,8 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
         white = _white(picture.white or next(iter(lights)), grid, lights)
     with table.blame("display"):
         Display.preset(picture.display)
+    with table.blame("tolerance"):
+        check_tolerance(picture.tolerance)
     camera = root.inner("camera", file.camera)
     view = _build(camera, Camera, **structs.asdict(camera.read(_CameraKeys)))
     scene = _build(

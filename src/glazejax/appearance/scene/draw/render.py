@@ -15,6 +15,7 @@ from jaxtyping import Bool, Int
 
 from ....colour import colour_weights
 from ....progress import Progress, no_progress
+from ....radiative.common.inputs import check_tolerance
 from ..materials import Material
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
@@ -59,8 +60,9 @@ def render(
 
     Raises:
         ValueError: the scene has what only `path_trace` draws: area lights, relief, a rough
-            surface of a glaze, or light between surfaces.
+            surface of a glaze, or light between surfaces; or the tolerance is not between 0 and 1.
     """
+    check_tolerance(tolerance)
     beyond = scene.needs_path_tracing()
     if beyond is not None:
         raise ValueError(

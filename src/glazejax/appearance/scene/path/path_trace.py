@@ -91,7 +91,7 @@ def path_trace(
         samples: rays of a pixel, at least; some more make passes of whole squares.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
         background: light from all around with the scene's background.
-        tolerance: absolute error wanted of a glaze's reflectance factor.
+        tolerance: absolute error wanted of a glaze's reflectance factor, 1e-5 to 0.1.
         seed: of the random numbers; the same seed gives the same picture.
         progress: called with the passes that are done.
 
@@ -101,7 +101,7 @@ def path_trace(
 
     Raises:
         ModuleNotFoundError: Mitsuba is not installed.
-        ValueError: samples out of range, or what `mitsuba_scene` refuses.
+        ValueError: samples or tolerance out of range, or what `mitsuba_scene` refuses.
     """
     samples = whole("samples", samples, 1, MOST_SAMPLES)
     with spectral_variant() as variant, tempfile.TemporaryDirectory() as folder:
@@ -121,7 +121,14 @@ def path_trace(
             tolerance=tolerance,
             notes=report.notes,
         )
-        loaded = mi.load_dict(description)
+        try:
+            loaded = mi.load_dict(description)
+        except RuntimeError as error:
+            # What the material refuses is the last line of a traceback.
+            _, refused, words = str(error).rpartition("\nValueError: ")
+            if not refused:
+                raise
+            raise ValueError(words) from None
 
         def one(number: int) -> Float[np.ndarray, "h w 3"]:
             return np.array(
