@@ -93,13 +93,14 @@ def cases(width: int = 96, height: int = 72) -> dict[str, Case]:
 
 
 def linear_weights(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands 3"]:
-    """Weights of XYZ for spectra that are linear between bands and nothing beyond, as Mitsuba takes
-    them.
+    """Weights of XYZ for spectra that are linear between bands and repeat the end bands beyond, as
+    Mitsuba takes them.
     """
     import colour
 
     cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    fine = np.linspace(wavelengths[0], wavelengths[-1], 30001)
+    # Mitsuba follows 360 to 830 nm.
+    fine = np.linspace(360.0, 830.0, 47001)
     matching = np.stack(
         [np.interp(fine, cmfs.wavelengths, values) for values in cmfs.values.T], axis=1
     )

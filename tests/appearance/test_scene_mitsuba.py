@@ -11,10 +11,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.appearance.mitsuba import variants
 from glazejax.appearance.scene.draw.render import render
-from glazejax.appearance.scene.lights import AreaLight, ParallelLight, PointLight
+from glazejax.appearance.scene.lights import AreaLight, ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material, Phong
 from glazejax.appearance.scene.path import path_trace as tracing
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
+from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
 
@@ -69,12 +70,27 @@ def test_pictures_are_those_of_the_ray_caster(name, mi):
     assert differences(mine, traced.values, on_objects(case))[0] < LIMIT
 
 
+@pytest.mark.parametrize(
+    "grid",
+    [
+        np.arange(420.0, 681.0, 10.0),
+        np.append(np.arange(420.0, 560.0, 10.0), np.arange(560.0, 681.0, 20.0)),
+    ],
+    ids=["even", "uneven"],
+)
+def test_white_is_white_where_the_bands_end_early(mi, grid):
+    light = lamp("D65", grid)
+    sun = ParallelLight((0.0, 0.0, -1.0), light)
+    white = Scene(grid, GROUND, {"m": Lambert(1.0)}, [sun], ABOVE, width=16, height=16)
+    xyz = path_trace(white, samples=4096).values.mean(axis=(0, 1))
+    assert_allclose(xyz, light_white(light, grid), atol=2e-3)
+
+
 def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
     # A small ball straight above: irradiance / pi = L sin^2 of its half angle.
     light = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 50.0)
     camera = Camera((3.0, 0.0, 3.0), (0.0, 0.0, 0.0), field_of_view=0.5)
     found = luminance(made(GROUND, GREY, [light], camera))
-    # Y = 1 is light at all wavelengths that the eye sees; the bands end at 400 and 700 nm.
     assert_allclose(found.mean(), 0.5 * 50.0 * (0.3 / 3.0) ** 2, rtol=4e-3)
 
 

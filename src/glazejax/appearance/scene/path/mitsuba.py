@@ -18,6 +18,9 @@ from ..scene import Scene
 from ..shapes import Sphere
 from .mitsuba_shapes import mitsuba_shape, numbers, sphere_map
 
+# Shortest and longest wavelength that Mitsuba follows, nm.
+_FOLLOWED = (360.0, 830.0)
+
 
 def mitsuba_scene(
     scene: Scene,
@@ -115,19 +118,33 @@ def mitsuba_scene(
 
 
 def spectrum(values: Numbers, wavelengths: Bands) -> Description:
-    """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
+    """A spectrum for Mitsuba: linear between the bands, and the end bands repeated beyond them, as
+    `glazejax.colour.colour_weights` has it.
+    """
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
-    listed = ",".join(f"{v:.9g}" for v in values)
+    shortest, longest = _FOLLOWED
     # Mitsuba's regular spectrum needs even steps.
     steps = np.diff(wavelengths)
     if steps.size and np.ptp(steps) < 1e-9 * steps[0]:
-        ends = {"wavelength_min": float(wavelengths[0]), "wavelength_max": float(wavelengths[-1])}
-        return {"type": "regular", "values": listed, **ends}
+        step = float(steps[0])
+        before = max(0, int(np.ceil((wavelengths[0] - shortest) / step)))
+        after = max(0, int(np.ceil((longest - wavelengths[-1]) / step)))
+        return {
+            "type": "regular",
+            "values": _listed(np.pad(values, (before, after), "edge")),
+            "wavelength_min": float(wavelengths[0] - before * step),
+            "wavelength_max": float(wavelengths[-1] + after * step),
+        }
+    everywhere = np.union1d(wavelengths, _FOLLOWED)
     return {
         "type": "irregular",
-        "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths),
-        "values": listed,
+        "wavelengths": _listed(everywhere),
+        "values": _listed(np.interp(everywhere, wavelengths, values)),
     }
+
+
+def _listed(values: np.ndarray) -> str:
+    return ",".join(f"{value:.9g}" for value in values)
 
 
 def _bsdf(
