@@ -112,7 +112,8 @@ def linear_weights(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray,
 def ours(case: Case, antialias: int = 16) -> Float[np.ndarray, "h w 3"]:
     """XYZ by this program, many rays for each pixel."""
     scene = replace(case.scene, antialias=antialias)
-    return render(scene, adaptive=False, tolerance=1e-4).radiance @ linear_weights(WAVELENGTHS)
+    drawn = render(scene, adaptive=False, tolerance=1e-4)
+    return drawn.radiance @ linear_weights(drawn.wavelengths)
 
 
 def theirs(case: Case, samples: int) -> PathTraced:

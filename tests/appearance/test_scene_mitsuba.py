@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.render.mitsuba_compare import LIMIT, cases, differences, on_objects, ours, theirs
+from benchmarks.render.mitsuba_compare import (
+    LIMIT,
+    Case,
+    cases,
+    differences,
+    on_objects,
+    ours,
+    theirs,
+)
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax.appearance.mitsuba import variants
@@ -14,6 +22,7 @@ from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material, Phong
 from glazejax.appearance.scene.path import path_trace as tracing
+from glazejax.appearance.scene.path.mitsuba_shapes import relief_mesh, repeats, write_ply
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.scene import Camera, Scene
@@ -68,6 +77,28 @@ def test_pictures_are_those_of_the_ray_caster(name, mi):
     assert mean < LIMIT
     assert abs(bias) < LIMIT / 2
     assert differences(mine, traced.values, on_objects(case))[0] < LIMIT
+
+
+def direct_light(scene):
+    """How the two renderers differ."""
+    case = Case(scene, max_depth=2)
+    return differences(ours(case, antialias=8), theirs(case, samples=256).values)
+
+
+@pytest.mark.slow
+def test_a_map_repeats_on_an_endless_plane_and_on_a_mesh(mi):
+    # Smooth and periodic, so that nothing depends on what is taken between two of them.
+    u, v = np.meshgrid(np.arange(32) / 32, np.arange(32) / 32)
+    depths = 1e-6 * (1.3 + np.sin(2 * np.pi * u) + 0.2 * np.cos(2 * np.pi * v))
+    blue = Glazed(coated(0.8, bands=WAVELENGTHS, UltramarineBlue=1e-6), depths, gloss=False)
+    corners = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 1.0, 2.0], [-1.0, 1.0, 2.0]])
+    turns = np.array([[-0.5, 0.0], [1.5, 0.0], [1.5, 2.0], [-0.5, 2.0]])
+    board = Mesh("m", corners, np.array([[0, 1, 2], [0, 2, 3]]), uv=turns)
+    floor = Plane("m", (0.3, 40.2, 0.0), up=UP)
+    sun = ParallelLight((0.3, 1.0, -1.0), 1.0)
+    camera = Camera((0.0, -4.0, 2.0), (0.0, 0.0, 0.5))
+    scene = made([floor, board], {"m": blue}, [sun], camera, width=32, height=24)
+    assert direct_light(scene)[0] < LIMIT
 
 
 @pytest.mark.parametrize(
@@ -326,8 +357,6 @@ def test_a_tolerance_out_of_range_is_refused_before_anything_is_drawn():
 
 
 def test_meshes_keep_their_coordinates(tmp_path):
-    from glazejax.appearance.scene.path.mitsuba_shapes import relief_mesh, write_ply
-
     relief = np.arange(12.0).reshape(3, 4)
     mesh = relief_mesh(Plane("m", size=(4.0, 2.0), up=UP, relief=relief))
     assert isinstance(mesh, Mesh)
@@ -359,6 +388,16 @@ class Velvet(Material):
 
     def spectra(self):
         return {}
+
+
+def test_which_shapes_repeat_a_map():
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    mesh = Mesh("m", np.eye(3), np.array([[0, 1, 2]]), uv=corners)
+    assert repeats(Plane("m"))
+    assert repeats(replace(mesh, uv=2.0 * corners))
+    assert repeats(replace(mesh, uv=corners - 1.0))
+    for once in (mesh, replace(mesh, uv=(1.0 + 1e-9) * corners), square(), Sphere("m"), Box("m")):
+        assert not repeats(once)
 
 
 def test_what_mitsuba_has_no_counterpart_of(mi):

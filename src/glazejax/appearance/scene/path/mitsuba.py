@@ -16,7 +16,7 @@ from ..lights import AreaLight, Light, PointLight
 from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
 from ..shapes import Sphere
-from .mitsuba_shapes import mitsuba_shape, numbers, sphere_map
+from .mitsuba_shapes import mitsuba_shape, numbers, repeats, sphere_map
 
 # Shortest and longest wavelength that Mitsuba follows, nm.
 _FOLLOWED = (360.0, 830.0)
@@ -83,13 +83,13 @@ def mitsuba_scene(
             },
         },
     }
-    # A map lies on a sphere another way round than on the rest, so that a material may be needed in
-    # both ways.
-    materials: dict[tuple[str, bool], str] = {}
+    # A map lies on a sphere another way round than on the rest, and on some shapes it repeats, so
+    # that a material may be needed in several ways.
+    materials: dict[tuple[str, bool, bool], str] = {}
     for k, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material]
         mapped = material.thickness_map is not None
-        key = (shape.material, mapped and isinstance(shape, Sphere))
+        key = (shape.material, mapped and isinstance(shape, Sphere), mapped and repeats(shape))
         if key not in materials:
             materials[key] = f"m{len(materials)}"
             bsdf = _bsdf(
@@ -97,6 +97,7 @@ def mitsuba_scene(
                 material=material,
                 grid=grid,
                 on_sphere=key[1],
+                repeated=key[2],
                 tolerance=tolerance,
                 notes=notes,
             )
@@ -152,13 +153,14 @@ def _bsdf(
     material: Material,
     grid: np.ndarray,
     on_sphere: bool,
+    repeated: bool,
     tolerance: float,
     notes: list[str],
 ) -> Description:
     if isinstance(material, Lambert):
         return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
     if isinstance(material, Glazed):
-        return _glaze(material, grid, on_sphere, tolerance)
+        return _glaze(material, grid, on_sphere, repeated, tolerance)
     if isinstance(material, Conductor):
         return _metal(name, material, grid, notes)
     if not isinstance(material, Phong):
@@ -175,7 +177,9 @@ def _bsdf(
     return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
 
 
-def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float) -> Description:
+def _glaze(
+    material: Glazed, grid: np.ndarray, on_sphere: bool, repeated: bool, tolerance: float
+) -> Description:
     from ...mitsuba import glaze_bsdf, register
 
     register()
@@ -183,7 +187,7 @@ def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float
     if thickness is not None:
         # The plugin wants the first row at v = 0.
         thickness = sphere_map(thickness) if on_sphere else thickness[::-1]
-    return glaze_bsdf(
+    description = glaze_bsdf(
         material.glaze,
         roughness=material.roughness,
         thickness=thickness,
@@ -192,6 +196,9 @@ def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, tolerance: float
         gloss=material.gloss,
         tolerance=tolerance,
     )
+    if repeated:
+        description["thickness"]["wrap_mode"] = "repeat"
+    return description
 
 
 def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -> Description:

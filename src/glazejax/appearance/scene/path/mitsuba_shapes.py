@@ -48,6 +48,16 @@ def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> Descript
     return write_ply(path, shape)
 
 
+def repeats(shape: Shape) -> bool:
+    """Test whether u and v leave 0 to 1, where a map begins again."""
+    if isinstance(shape, Mesh):
+        # By more than the rounding of a file.
+        return shape.uv is not None and bool(
+            np.any(np.abs(np.asarray(shape.uv) - 0.5) > 0.5 + 1e-6)
+        )
+    return isinstance(shape, Plane) and shape.size is None
+
+
 def relief_mesh(plane: Plane) -> Mesh:
     """Triangles of a plane that stands out by its relief, with smooth normals; u and v run as on
     the flat plane.
