@@ -79,10 +79,40 @@ def test_pictures_are_those_of_the_ray_caster(name, mi):
     assert differences(mine, traced.values, on_objects(case))[0] < LIMIT
 
 
+def over_a_floor(size, aside):
+    """A ball over an endless, tilted floor: all lengths times `size`, and all but the floor so far
+    to the side.
+    """
+
+    def place(*point):
+        return size * (np.array(point) + aside * np.array([1.0, 0.0, -0.1]))
+
+    return made(
+        [Plane("m", normal=(0.1, -0.2, 1.0)), Sphere("m", place(0.0, 0.0, 0.9), 0.6 * size)],
+        GREY,
+        [
+            ParallelLight((0.6, 1.0, -1.2), 0.6),
+            PointLight(place(-2.0, -2.0, 3.5), 5.0 * size**2),
+        ],
+        Camera(place(0.0, -6.0, 2.5), place(0.0, 0.0, 0.6)),
+        width=24,
+        height=18,
+    )
+
+
 def direct_light(scene):
     """How the two renderers differ."""
     case = Case(scene, max_depth=2)
     return differences(ours(case, antialias=8), theirs(case, samples=256).values)
+
+
+@pytest.mark.parametrize(
+    ("size", "aside"), [(1e-3, 0.0), (1.0, 0.0), (50.0, 0.0), (2000.0, 0.0), (1.0, 500.0)]
+)
+def test_pictures_are_the_same_in_any_unit_of_length(mi, size, aside):
+    mean, bias = direct_light(over_a_floor(size, aside))
+    assert mean < LIMIT
+    assert abs(bias) < LIMIT / 2
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
 from ..shapes import Sphere
 from .mitsuba_shapes import mitsuba_shape, numbers, repeats, sphere_map
+from .scale import REACH, to_scale
 
 # Shortest and longest wavelength that Mitsuba follows, nm.
 _FOLLOWED = (360.0, 830.0)
@@ -45,7 +46,8 @@ def mitsuba_scene(
         notes: takes a sentence for each material that becomes the nearest that Mitsuba has.
 
     Returns:
-        The scene; its film is XYZ, on the scale of `picture.picture_xyz`.
+        The scene, in the lengths of `to_scale`; its film is XYZ, on the scale of
+        `picture.picture_xyz`.
 
     Raises:
         ValueError: a material of another kind than those of `materials`.
@@ -53,6 +55,7 @@ def mitsuba_scene(
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     grid = np.asarray(scene.wavelengths, float)
+    scene, unit = to_scale(scene)
     camera = scene.camera
     view = mi.ScalarTransform4f().look_at(
         origin=numbers(camera.position),
@@ -71,6 +74,9 @@ def mitsuba_scene(
             "type": "perspective",
             "fov": float(camera.field_of_view),
             "fov_axis": "x",
+            # From next to the camera to behind the end of what stands for an endless plane.
+            "near_clip": 1e-7 * REACH,
+            "far_clip": 1e4 * REACH,
             "to_world": view,
             "sampler": {"type": "stratified", "sample_count": samples},
             "film": {
@@ -106,7 +112,7 @@ def mitsuba_scene(
                 "bsdf": bsdf,
                 "id": materials[key],
             }
-        body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped)
+        body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped, unit=unit)
         description[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": materials[key]}}
     for k, light in enumerate(scene.lights):
         description[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")

@@ -11,33 +11,48 @@ from jaxtyping import Float
 from ....spectra import Numbers
 from ...mitsuba.describe import Description
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
+from .scale import REACH
+
+# Half the side of the rectangle that stands for an endless plane. One of triangles, whose points
+# Mitsuba knows less well, is smaller.
+_ENDLESS = 1e3 * REACH
+_ENDLESS_MAPPED = 30.0 * REACH
 
 
-def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> Description:
+def mitsuba_shape(
+    shape: Shape, path: Path, *, mapped: bool = False, unit: float = 1.0
+) -> Description:
     """A shape for `mitsuba.load_dict`, without its material.
 
     Args:
-        shape: which.
+        shape: of `to_scale`.
         path: file to write triangles to, ``.ply``; replaced if it exists.
         mapped: its material has a map, so that coordinates on it must be those of the ray caster. A
             sphere's are
             not: its map is to be turned, see `sphere_map`.
+        unit: of `to_scale`; u and v of an endless plane count this length.
     """
     if isinstance(shape, Sphere):
         return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
     if isinstance(shape, Plane) and shape.relief is not None:
         return write_ply(path, relief_mesh(shape))
-    # Half the side of the rectangle that stands for an endless plane.
-    endless = 100.0
     if isinstance(shape, Plane):
-        half = (endless, endless) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
         # Mitsuba's rectangle reaches from -1 to 1: its axes are half the sides.
-        axes = plane_frame(shape).T * [*half, 1.0]
-        if mapped and shape.size is None:
-            return write_ply(
-                path, _quads(shape.material, [(shape.point, axes)], 2 * endless, -endless)
-            )
-        return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
+        axes = plane_frame(shape).T
+        if shape.size is not None:
+            axes = axes * [shape.size[0] / 2, shape.size[1] / 2, 1.0]
+            return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
+        # Around the point that is nearest to the camera, which is the origin.
+        point = np.asarray(shape.point, float)
+        foot = (axes[:, 2] @ point) * axes[:, 2]
+        if not mapped:
+            axes = axes * [_ENDLESS, _ENDLESS, 1.0]
+            return {"type": "rectangle", "to_world": _transform(axes, foot)}
+        # u and v count from the plane's own point; whole numbers of them make no difference.
+        half = _ENDLESS_MAPPED / unit
+        start = (foot - point) @ axes[:, :2] / unit % 1.0 - half
+        axes = axes * [_ENDLESS_MAPPED, _ENDLESS_MAPPED, 1.0]
+        return write_ply(path, _quads(shape.material, [(foot, axes)], 2.0 * half, start))
     if isinstance(shape, Box):
         axes = rotation(shape.rotation) * (np.asarray(shape.size, float) / 2)
         if not mapped:
@@ -143,7 +158,7 @@ def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.nd
     return faces
 
 
-def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -> Mesh:
+def _quads(material: str, quads: list, scale: float = 1.0, start: float | np.ndarray = 0.0) -> Mesh:
     """Flat quadrangles with u and v from `start` on, over `scale`; each has half its sides and the
     way out as axes.
     """
