@@ -115,7 +115,7 @@ def mitsuba_scene(
         body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped, unit=unit)
         description[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": materials[key]}}
     for k, light in enumerate(scene.lights):
-        description[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")
+        description[f"light_{k}"] = _light(light, grid)
     if background and np.any(scene.background_spectrum() > 0):
         description["background"] = {
             "type": "constant",
@@ -231,11 +231,11 @@ def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -
     return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | optics
 
 
-def _light(light: Light, grid: np.ndarray, path: Path) -> Description:
+def _light(light: Light, grid: np.ndarray) -> Description:
     if isinstance(light, AreaLight):
         emitter = {"type": "area", "radiance": spectrum(light.spectrum, grid)}
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
-        return mitsuba_shape(light.shape, path) | {"emitter": emitter, "bsdf": black}
+        return mitsuba_shape(light.shape) | {"emitter": emitter, "bsdf": black}
     # A perfect white has 1/pi of the irradiance as radiance, and here it is to have all of it.
     power = spectrum(np.pi * np.asarray(light.spectrum, float), grid)
     if isinstance(light, PointLight):

@@ -20,13 +20,14 @@ _ENDLESS_MAPPED = 30.0 * REACH
 
 
 def mitsuba_shape(
-    shape: Shape, path: Path, *, mapped: bool = False, unit: float = 1.0
+    shape: Shape, path: Path | None = None, *, mapped: bool = False, unit: float = 1.0
 ) -> Description:
     """A shape for `mitsuba.load_dict`, without its material.
 
     Args:
         shape: of `to_scale`.
-        path: file to write triangles to, ``.ply``; replaced if it exists.
+        path: file to write triangles to, ``.ply``; replaced if it exists. A sphere and a
+            flat rectangle need none.
         mapped: its material has a map, so that coordinates on it must be those of the ray caster. A
             sphere's are
             not: its map is to be turned, see `sphere_map`.
@@ -35,8 +36,8 @@ def mitsuba_shape(
     if isinstance(shape, Sphere):
         return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
     if isinstance(shape, Plane) and shape.relief is not None:
-        return write_ply(path, relief_mesh(shape))
-    if isinstance(shape, Plane):
+        mesh = relief_mesh(shape)
+    elif isinstance(shape, Plane):
         # Mitsuba's rectangle reaches from -1 to 1: its axes are half the sides.
         axes = plane_frame(shape).T
         if shape.size is not None:
@@ -52,15 +53,17 @@ def mitsuba_shape(
         half = _ENDLESS_MAPPED / unit
         start = (foot - point) @ axes[:, :2] / unit % 1.0 - half
         axes = axes * [_ENDLESS_MAPPED, _ENDLESS_MAPPED, 1.0]
-        return write_ply(path, _quads(shape.material, [(foot, axes)], 2.0 * half, start))
-    if isinstance(shape, Box):
+        mesh = _quads(shape.material, [(foot, axes)], 2.0 * half, start)
+    elif isinstance(shape, Box):
         axes = rotation(shape.rotation) * (np.asarray(shape.size, float) / 2)
         if not mapped:
             return {"type": "cube", "to_world": _transform(axes, shape.centre)}
-        return write_ply(
-            path, _quads(shape.material, _faces(axes, np.asarray(shape.centre, float)))
-        )
-    return write_ply(path, shape)
+        mesh = _quads(shape.material, _faces(axes, np.asarray(shape.centre, float)))
+    else:
+        mesh = shape
+    # What shines has no triangles: it is a sphere or a flat rectangle.
+    assert path is not None
+    return write_ply(path, mesh)
 
 
 def repeats(shape: Shape) -> bool:
