@@ -77,6 +77,38 @@ def test_samples_may_be_called_by_numbers_like_wavelengths(read):
         read(f"wavelength,410,420,430\n{rows}")
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "wavelength,1201,1202,mean",
+        "wavelength_nm,101,102,102b",
+        "Wavelength (nm),401,402,403,blank",
+        "nm,403,401,402,blank",
+        ",wavelength,1201,1202,1203",
+    ],
+)
+def test_numbered_samples_may_stand_next_to_a_mean_or_a_blank(read, header):
+    """An unnamed first column counts lines, as pandas writes it."""
+    titles = header.split(",")
+    grid = range(400, 701, 10)
+    first = [[i, nm] for i, nm in enumerate(grid)] if not titles[0] else [[nm] for nm in grid]
+    names = titles[len(first[0]) :]
+    values = [0.1 * (i + 1) for i in range(len(names))]
+    rows = (",".join(f"{cell:g}" for cell in [*cells, *values]) for cells in first)
+    table = read("\n".join([header, *rows]))
+    assert table.names == tuple(names)
+    assert_array_equal(table.wavelengths, grid)
+    assert_allclose(table.reflectance[:, 0], values)
+
+
+def test_numbered_samples_of_a_wide_table_may_have_a_further_column(read):
+    header = "wavelength," + ",".join(map(str, range(400, 701, 10))) + ",gloss"
+    rows = (f"{number}{',.1' * 31},high" for number in (101, 105, 107))
+    table = read("\n".join([header, *rows]))
+    assert table.names == ("101", "105", "107")
+    assert table.attributes["gloss"] == ("high",) * 3
+
+
 def test_percent_is_said(read):
     table = read("Name,400,410\nred,5,90\n")
     assert_allclose(table.reflectance, [[0.05, 0.9]])

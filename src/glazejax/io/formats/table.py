@@ -334,17 +334,23 @@ def _runs(values: list[float]) -> bool:
     return len(values) > 2 and min(values) >= 100 and bool((steps > 0).all() or (steps < 0).all())
 
 
-def _run_below(cells: _Cells, titles: list[float], *, titled: bool) -> bool:
-    """Return whether wavelengths run down the first column, of a table whose titles are numbers.
+def _run_below(cells: _Cells, titles: list[float], grid: int | None) -> bool:
+    """Return whether wavelengths run down a column, of a table with titles that are numbers.
+
+    Args:
+        cells: the table.
+        titles: those that are numbers.
+        grid: column that is titled wavelengths; None where none is, and the first is meant.
 
     Raises:
-        ValueError: the column is `titled` wavelengths, and both may be.
+        ValueError: a column is titled wavelengths, and both may be.
     """
     columns = _columns(cells)
-    below = columns[0] if columns else []
+    at = grid or 0
+    below = columns[at] if columns else []
     if not _runs(below) or _NAME_TITLE.match(cells.header[0]):
         return False
-    if not _runs(titles) or not titled:
+    if not _runs(titles) or grid is None:
         return not _runs(titles)
     # Instruments read in even steps; samples may be counted, in steps of 1.
     even, even_titles = (
@@ -353,9 +359,9 @@ def _run_below(cells: _Cells, titles: list[float], *, titled: bool) -> bool:
     if even == even_titles:
         raise cells.error(
             cells.header_line,
-            f"the titles {', '.join(cells.header[1:4])} and the column below {cells.header[0]!r} "
-            f"may both be wavelengths; call samples by words, such as 'paint {cells.header[1]}', "
-            "or the column of their names Name",
+            f"the titles {', '.join(cells.header[at + 1 : at + 4])} and the column below "
+            f"{cells.header[at]!r} may both be wavelengths; call samples by words, such as "
+            f"'paint {cells.header[at + 1]}', or the column of their names Name",
         )
     return even
 
@@ -371,11 +377,15 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
             cells.header_line,
             f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
-    titled = any(
-        is_wavelength_title(title) and cells.wavelength(cell) is not None
-        for title, cell in zip(cells.titles[-1], row, strict=False)
+    below = (
+        i
+        for i, (title, cell) in enumerate(zip(cells.titles[-1], row, strict=False))
+        if is_wavelength_title(title) and cells.wavelength(cell) is not None
     )
-    if len(numeric) == len(titles) and _run_below(cells, numeric, titled=titled):
+    grid = next(below, None)
+    titled = grid is not None
+    # A mean or a blank may stand next to numbered samples.
+    if (titled or len(numeric) == len(titles)) and _run_below(cells, numeric, grid):
         return False
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least. Colours may
     # stand next to few bands.
