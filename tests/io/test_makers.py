@@ -274,6 +274,17 @@ def test_percent_cells_are_percent_and_all_alike(read):
         read(text.replace("%\n", "\n", 1))
 
 
+def test_percent_cells_are_counted_before_bands_are_dropped(read):
+    """Spectra that share some bands only, of which one ends above the other."""
+    red = [f"{100 * value}%" for value in RED]
+    blue = [*(f"{100 * value}%" for value in BLUE[:-2]), "", ""]
+    shifted = [*(GRID[:-2] + 10), "", ""]
+    text = "nm,red,nm,blue\n" + rows(red, shifted, blue)
+    same(read(text), GRID[1:-1], [RED[1:-1], BLUE[:-2]], ["red", "blue"], atol=1e-9)
+    with refusal("some cells are in percent, with %, and some are not"):
+        read(text.replace("%", "", 1))
+
+
 def test_detectors_of_a_table_overlap(read):
     grid = np.array([*GRID[:21], *(GRID[17:] + 3)])
     text = "wavelength,field\n" + rows([*RED[:21], *BLUE[17:]], grid=grid)

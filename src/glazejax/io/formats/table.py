@@ -181,8 +181,6 @@ def read_table(source: Source) -> RawSpectra:
             _check_percent(cells, columns, values)
         layout = "a sample a column"
         unit = next((unit for row in cells.titles if (unit := length_unit(row[grids[0]]))), "")
-    if cells.percent and len(cells.percent) != values.size:
-        raise source.error("some cells are in percent, with %, and some are not; write all alike")
     titled = bool(cells.titles)
     return RawSpectra(
         wavelengths=wavelengths,
@@ -611,7 +609,15 @@ def _read_rows(
             raise cells.error(
                 line, f"more than {most} samples or {_MAX_VALUES} values so far; split the table"
             )
-    return lines, columns, np.frombuffer(values).reshape(-1, len(numbers))
+    table = np.frombuffer(values).reshape(-1, len(numbers))
+    if cells.percent:
+        # Asked before bands are dropped that not all spectra have; empty cells are NaN.
+        filled = ~np.isnan(table[:, [i not in grids for i in numbers]])
+        if len(cells.percent) != np.count_nonzero(filled):
+            raise cells.source.error(
+                "some cells are in percent, with %, and some are not; write all alike"
+            )
+    return lines, columns, table
 
 
 def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[str], Bands, Rows]:
