@@ -266,6 +266,15 @@ def test_names_are_padded_by_nul_above_a_table_only(read):
         read(text.replace("500.0;", "500.0;\0"))
 
 
+@pytest.mark.parametrize("factor", [1, 100])
+def test_a_sample_may_be_called_as_wavelengths_are(read, factor):
+    table = read("wavelength_nm,Wave blue,WL 1\n" + rows(factor * BLUE, factor * RED))
+    same(table, GRID, [BLUE, RED], ["Wave blue", "WL 1"], atol=1e-9)
+    for title in ("Wavelength (µm)", "Wavelength"):
+        with refusal("have none in common"):
+            read(f"wavelength_nm,{title},red\n" + rows(GRID / 1000, RED))
+
+
 def test_percent_cells_are_percent_and_all_alike(read):
     cells = [f"{value}%" for value in DARK]
     text = "nm,red,blue\n" + rows(cells, cells)

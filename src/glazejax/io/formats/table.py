@@ -425,10 +425,11 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     if _NO_WAVELENGTH.search(cells.header[grid]):
         raise cells.error(cells.header_line, _no_wavelength(cells.header[grid]))
     right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
-    further = [i for i in right if i in titled or (i in runs and numbers[i] == numbers[grid])]
+    again = [i for i in right if i in titled and _holds_wavelengths(cells, numbers, grid, i)]
+    further = [i for i in right if i in again or (i in runs and numbers[i] == numbers[grid])]
     if {*right} == {*further}:
         # A lamp's power may run as its wavelengths do.
-        further = [i for i in right if i in titled]
+        further = again
     columns = sorted({*right}.difference(further))
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
@@ -438,6 +439,20 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in left))
         notes.append(f"left out, as they hold no spectra: {titles}")
     return grids, columns
+
+
+def _holds_wavelengths(cells: _Cells, numbers: list[list[float]], grid: int, i: int) -> bool:
+    """Return whether a further column with a title of wavelengths holds wavelengths.
+
+    A sample may be called Wave blue: its title goes on, and its numbers begin elsewhere.
+    """
+    titles = [row[i] for row in cells.titles]
+    if any(length_unit(title) or WAVELENGTH_TITLE.fullmatch(title) for title in titles):
+        return True
+    if not (numbers and numbers[grid]):
+        return True
+    start = numbers[grid][0]
+    return start / 3 < numbers[i][0] < 3 * start
 
 
 def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
