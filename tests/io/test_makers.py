@@ -237,7 +237,16 @@ def test_the_column_of_wavelengths_is_found_where_nothing_titles_it(read):
     number = np.arange(1, GRID.size + 1)
     table = read("Nr;x;red\n" + rows(GRID, RED, by=";", grid=number).replace(".", ","))
     same(table, GRID, [RED], ["red"], atol=1e-9)
-    assert "left out, as they hold no spectra: Nr" in table.notes
+    assert "left of the wavelengths, and not read: Nr" in table.notes
+
+
+def test_samples_left_of_the_wavelengths_are_said_to_be_left_out(read):
+    text = "A,B,seen,wavelength_nm,C\n"
+    rest = [f"{a},{b},fine,{nm},{c}\n" for a, b, nm, c in zip(BLUE, RED, GRID, RED, strict=True)]
+    table = read(text + "".join(rest))
+    same(table, GRID, [RED], ["C"])
+    assert "left of the wavelengths, and not read: A, B" in table.notes
+    assert "left out, as they hold no spectra: seen" in table.notes
 
 
 def test_empty_and_text_columns_and_means_below_are_left_out(read):

@@ -434,10 +434,16 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
     if not columns:
         raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
     grids = [grid, *further]
-    if left := sorted({*range(width)}.difference(grids, columns)):
-        last = cells.titles[-1] if cells.titles else cells.header
-        titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in left))
-        notes.append(f"left out, as they hold no spectra: {titles}")
+    left = sorted({*range(width)}.difference(grids, columns))
+    before = [i for i in left if i < grid and i not in barred and numbers and numbers[i]]
+    last = cells.titles[-1] if cells.titles else cells.header
+    for reason, unread in (
+        ("left of the wavelengths, and not read", before),
+        ("left out, as they hold no spectra", [i for i in left if i not in before]),
+    ):
+        if unread:
+            titles = shorten(", ".join(last[i] or f"column {i + 1}" for i in unread))
+            notes.append(f"{reason}: {titles}")
     return grids, columns
 
 
