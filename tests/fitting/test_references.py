@@ -89,6 +89,9 @@ def answer(shelf, reading, added=()):
         ("burnt_umber PBr7", "burnt umber"),
         ("Lead-tin yellow, 12", "lead-tin yellow"),
         ("PY1 + PY3", "azo yellow"),
+        ("ultramarine Nr. 4", "ultramarine"),
+        ("Nr 9 azurite", "azurite"),
+        ("rose NR 9", "madder"),
     ],
 )
 def test_a_name_says_its_family(name, family):
@@ -100,6 +103,7 @@ def test_a_name_says_its_family(name, family):
     [
         ("tube 12", "neither a Colour Index number nor a family"),
         ("ochre no 12", "neither a Colour Index number nor a family"),
+        ("Ultramarin Nr. 4", "neither a Colour Index number nor a family"),
         ("ultramarin", "nearest: ultramarine"),
         ("PY999", "no family has the Colour Index number PY999"),
         ("PB29 PW6", "PB29 and PW6 are two pigments"),
@@ -116,6 +120,10 @@ def test_every_family_is_named_by_its_name():
     for family in catalogue.families():
         assert family_named(family.upper()) == family
     assert colour_indices("C.I. PR 101, PR101") == ("PR101",)
+    for text in ("NR 9", "NR9", "nr9", "N.R. 9"):
+        assert colour_indices(text) == ("NR9",)
+    for text in ("Nr. 9", "nr. 9", "NR. 9", "Nr.9", "Nr 9", "nr 9"):
+        assert colour_indices(text) == ()
 
 
 # ---- what is read --------------------------------------------------------------------------------

@@ -6,9 +6,11 @@ import re
 from ..names import nearest_hint
 from .exemplars import families
 
-# PB29, P.B. 29, PB15:3, NR9; a form behind the colon is the same pigment. NO is a word.
+# PB29, P.B. 29, PB15:3, NR9; a form behind the colon is the same pigment. NO is a word, and so is
+# the German Nr. 4, while NR 4 is natural red.
 _NUMBER = re.compile(
-    r"(?<![A-Za-z])(?!no)([PNV])\.?\s?(Bk|Br|[BGMORVWY])\.?\s?(\d{1,3})(?!\d|\.\d)", re.IGNORECASE
+    r"(?<![A-Za-z])(?!no|nr\.|(?-i:[Nn]r)\s)([PNV])\.?\s?(Bk|Br|[BGMORVWY])\.?\s?(\d{1,3})(?!\d|\.\d)",
+    re.IGNORECASE,
 )
 _LONG = re.compile(
     r"\b(Pigment|Natural|Vat)\s+(Black|Brown|Blue|Green|Metal|Orange|Red|Violet|White|Yellow)\s+"
