@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from glazejax.commands import options
 from glazejax.io import read_spectra
 from glazejax.io.quantity import nanometres
 
 from ..refusals import refusal
 from . import test_envi
+from .cubes.images import envi
 from .samples import envi_list, jcamp_block
 
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
@@ -68,6 +70,18 @@ def test_units_that_are_none():
     for wrong in (0.0, -1.0):
         with refusal("must be positive"):
             nanometres(np.array([wrong, 16000.0]), "1/cm")
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.inf, np.nan])
+def test_a_scale_must_be_positive_and_finite(tmp_path, put, scale):
+    table = put("nm,red\n400,-0.5\n410,-0.5\n", "film.csv")
+    library = test_envi.put(tmp_path)
+    image = envi(tmp_path)
+    for path in (table, library, image):
+        with refusal(f"scale is {scale:g}; it must be positive and finite"):
+            read_spectra(path, scale=scale)
+    with refusal(f"^--scale is {scale:g}; it must be positive and finite"):
+        options.stated(None, None, scale)
 
 
 def test_whole_wavelengths_in_wavenumbers_stay_whole():

@@ -333,10 +333,12 @@ def stated(quantity: str | None, unit: str | None, scale: float | None) -> "Stat
     """Values of ``--quantity``, ``--unit`` and ``--scale``, for readers of spectra.
 
     Raises:
-        ValueError: a scale that is not positive.
+        ValueError: a scale that is not positive or not finite.
     """
-    if scale is not None and not scale > 0:
-        raise ValueError(f"--scale is {scale:g}; it must be positive, such as 100 for percent")
+    if scale is not None and not 0 < scale < math.inf:
+        raise ValueError(
+            f"--scale is {scale:g}; it must be positive and finite, such as 100 for percent"
+        )
     return {"quantity": quantity, "unit": unit, "scale": scale}
 
 

@@ -6,6 +6,7 @@ refused by its name, unless the user says that it is reflectance. What nobody sa
 as fractions, with a note.
 """
 
+import math
 import re
 from collections.abc import Iterable
 from functools import lru_cache
@@ -185,8 +186,13 @@ def read_units(stated: Stated) -> tuple[str, float | None]:
     empty and None where that says none.
 
     Raises:
-        ValueError: a word that is no unit.
+        ValueError: a word that is no unit, or a scale that is not positive or not finite.
     """
+    number = stated.get("scale")
+    if number is not None and not 0 < number < math.inf:
+        raise ValueError(
+            f"scale is {number:g}; it must be positive and finite, such as 100 for percent"
+        )
     length = ""
     scale = None
     for word in (stated.get("unit") or "").replace(",", " ").split():
@@ -199,7 +205,7 @@ def read_units(stated: Stated) -> tuple[str, float | None]:
                 f"unit {word!r} is not known: nm, um, angstrom, m or 1/cm of wavelengths, percent "
                 "or fraction of values"
             )
-    return length, stated.get("scale") or scale
+    return length, scale if number is None else number
 
 
 def length_unit(words: str) -> str:

@@ -96,7 +96,7 @@ def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
     for binning in ((0, 1, 1), (1, 1, -2)):
         with refusal("must be three whole numbers"):
             CubeSource(path, binning=binning).open()
-    for scale in (0.0, -1.0, float("nan")):
+    for scale in (0.0, -1.0, np.inf, np.nan):
         with refusal(r"scale is .*; it must be positive"):
             open_cube(path, scale=scale)
 

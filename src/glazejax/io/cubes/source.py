@@ -154,8 +154,6 @@ def _check_options(
         raise ValueError(
             "give a scale or a white reference, not both: the white says what a reflectance of 1 is"
         )
-    if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise ValueError(f"scale is {scale:g}; it must be positive")
     if len(binning) != 3 or min(binning) < 1:
         raise ValueError(
             f"binning is {binning}; it must be three whole numbers from 1 on: y, x, wavelength"
