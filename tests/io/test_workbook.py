@@ -12,7 +12,7 @@ import pytest
 from glazejax.io import read_sample, read_spectra
 
 from ..refusals import refusal
-from .samples import GRID, old_workbook, refused, same, spectra
+from .samples import ENVI, GRID, envi_header, lines, old_workbook, refused, rows, same, spectra
 
 openpyxl = pytest.importorskip("openpyxl")
 R = spectra(2)
@@ -44,6 +44,19 @@ def test_the_first_sheet_is_read(book):
     assert table.format == "workbook, a sample a row"
     assert table.attributes["L*"] == ("50.5", "50.5")
     assert "sheet 'Films' was read; there are Films, Spots, Bare" in table.notes
+
+
+def test_tables_may_have_the_name_of_an_image(book):
+    """Made from it, and next to its header; neither is its data."""
+    book.with_suffix(".hdr").write_text(envi_header(ENVI))
+    book.with_suffix(".sli").write_bytes(spectra().astype("<f4").tobytes())
+    assert read_spectra(book).format == "workbook, a sample a row"
+    for ending, delimiter in {".csv": ",", ".tsv": "\t", ".TXT": ";"}.items():
+        table = book.with_suffix(ending)
+        text = lines([["wavelength_nm", "Weiß"]], delimiter) + rows(R[0], by=delimiter)
+        table.write_bytes(text.encode("cp1252"))
+        same(read_spectra(table), GRID, R[:1], ["Weiß"], atol=1e-12)
+    same(read_spectra(book.with_suffix(".sli")), GRID, spectra(), ["red", "green", "blue"], 1e-7)
 
 
 def test_a_sheet_may_be_named(book):

@@ -33,7 +33,8 @@ MAX_TEXT = 1 << 24
 MAX_WORDS = 1_500_000
 DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
 """Endings of the binary half of an ENVI pair, next to its .hdr."""
-_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
+WORKBOOKS: tuple[str, ...] = (".xlsx", ".xlsm", ".xls", ".ods")
+"""Endings of workbooks, of which FILE:SHEET names a sheet."""
 # Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
 NOBODY = 3.0
 SILENCE = 60.0
@@ -314,7 +315,7 @@ def is_there(path: str | Path) -> bool:
 def split_sheet(path: Path) -> tuple[Path, str]:
     """File and sheet of ``FILE.xlsx:SHEET``; the sheet is empty where none is named."""
     file, colon, sheet = str(path).rpartition(":")
-    if colon and Path(file).suffix.lower() in _WORKBOOKS and not is_there(path) and is_there(file):
+    if colon and Path(file).suffix.lower() in WORKBOOKS and not is_there(path) and is_there(file):
         return Path(file), sheet
     return path, ""
 

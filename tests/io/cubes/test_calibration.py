@@ -74,6 +74,8 @@ def test_one_spectrum_as_text_npy_or_a_pixel(scene):
         path, white=counts(folder, one[None, None], "pixel"), dark=folder / "dark.npy"
     )
     assert_allclose(again.values, expected, rtol=2e-6)
+    # A header of the same name is of another file.
+    counts(folder, white, "white")
     without = open_cube(path, white=folder / "white.txt")
     assert_allclose(without.values, raw / one, rtol=2e-6)
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from ...spectra import resample, same_grid
 from ..files.sample import read_sample
+from ..files.sniff import header_beside
 from ..raw_cube import RawCube
 from ..source import refusal
 from ..spectra_table import Chosen, Stored
@@ -149,7 +150,7 @@ def _reference(
 def _spectrum(path: Path) -> Stored | None:
     """Readings of a text file or of a .npy file of one axis; None if the file is an image."""
     kind = path.suffix.lower()
-    text = kind in (".txt", ".csv", ".dat") and not path.with_suffix(".hdr").exists()
+    text = kind in (".txt", ".csv", ".dat") and header_beside(path) is None
     return column(path) if text or (kind == ".npy" and load_npy(path).ndim == 1) else None
 
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from ..source import Source, is_there, open_source
+from ..source import WORKBOOKS, Source, is_there, open_source
 
 _CGATS = re.compile(
     r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ "
@@ -44,6 +44,8 @@ _SPC = "a Galactic SPC file (GRAMS); export it from its software as JCAMP-DX or 
 # The archive of SpectraSuite begins with one of these.
 _PROCSPEC = re.compile(rb"PK\x03\x04.{26}(ps_\d+\.xml|OOI\w+\.(txt|xml))", re.DOTALL)
 _ENVI = re.compile(rb"(\xef\xbb\xbf)?[ \t\r]*ENVI[ \t\r]*(\n|\Z)")
+# Tables keep the name of the image that they were made from.
+_TABLES = (".csv", ".tsv", ".txt", *WORKBOOKS)
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
@@ -93,8 +95,10 @@ def identify(source: Source) -> str:
 
 def header_beside(path: Path) -> Path | None:
     """ENVI header of a data file: ``cube.hdr`` or ``cube.img.hdr`` for ``cube.img``, if there is
-    one.
+    one. A file that is named as a table or workbook has none.
     """
+    if path.suffix.lower() in _TABLES:
+        return None
     for name in (path.with_suffix(".hdr"), path.with_name(path.name + ".hdr")) if path.name else ():
         for candidate in (name, name.with_suffix(".HDR")):
             if candidate != path and is_there(candidate):
