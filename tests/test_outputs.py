@@ -44,6 +44,25 @@ def test_several_files_are_written_all_or_none(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.csv", "old.csv"]
 
 
+def test_a_file_that_fails_leaves_all_as_they_were(tmp_path):
+    def failing():
+        yield b"half"
+        raise OSError("no space left")
+
+    old, new = tmp_path / "old.csv", tmp_path / "new.csv"
+    old.write_bytes(b"mine")
+    with refusal("no space left", OSError):
+        write_files({old: [b"a"], new: failing()}, overwrite=True)
+    assert old.read_bytes() == b"mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["old.csv"]
+
+
+def test_long_names_that_differ_at_the_end_are_two_files(tmp_path):
+    files = {tmp_path / f"{'a' * 246}.{ending}": [ending.encode()] for ending in ("sli", "hdr")}
+    write_files(files)
+    assert {path: [path.read_bytes()] for path in files} == files
+
+
 def test_what_fails_names_the_users_file_and_no_part_of_it(tmp_path):
     """A name of 250 letters is a legal one, with more behind it it is none."""
     long = tmp_path / ("a" * 246 + ".csv")

@@ -1,9 +1,12 @@
 """Files that are there whole, or not at all."""
 
+import itertools
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_COUNT = itertools.count()
 
 
 @contextmanager
@@ -15,8 +18,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     if path.exists() and (path.is_symlink() or not path.is_file()):
         yield path
         return
-    # Programs that write the same file at one time each write a part of their own.
-    temporary = path.with_name(f"{path.name[:200]}.{os.getpid()}.part")
+    # Programs that write the same file at one time each write a part of their own, and so do files
+    # written together whose long names differ at the end.
+    temporary = path.with_name(f"{path.name[:200]}.{os.getpid()}.{next(_COUNT)}.part")
     try:
         yield temporary
         temporary.replace(path)

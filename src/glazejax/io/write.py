@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +85,8 @@ def _plain(cell: object) -> object:
 
 
 def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = False) -> None:
-    """Write all files or, if one may not be written, none; a file is there whole or not at all.
+    """Write all files or, if one may not or cannot be written, none; a file is there whole or not
+    at all. What is no file, such as a pipe or a link, is written as it comes.
 
     Args:
         files: content of each, in pieces.
@@ -96,6 +98,9 @@ def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = Fals
     """
     for path in files:
         check_output(path, overwrite=overwrite)
-    for path, pieces in files.items():
-        with whole_file(path) as written, written.open("wb") as file:
-            file.writelines(pieces)
+    with ExitStack() as stack:
+        # None takes its name before all are written.
+        for path, pieces in files.items():
+            written = stack.enter_context(whole_file(path))
+            with written.open("wb") as file:
+                file.writelines(pieces)
