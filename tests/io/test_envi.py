@@ -80,6 +80,15 @@ def test_fields_beyond_the_standard_are_attributes(read):
     assert table.attributes == {"pname": ("Zinnober hell", "Grün", "Bleu d'outremer")}
 
 
+def test_spectra_may_lack_names(read):
+    for names, right in {
+        "{red, , blue}": ["red", "spectrum 2", "blue"],
+        "{red, green, blue,}": NAMES,
+        "{}": ["spectrum 1", "spectrum 2", "spectrum 3"],
+    }.items():
+        same(read(spectra_names=names), GRID, spectra(), right, atol=1e-7)
+
+
 def test_old_headers_are_latin(tmp_path):
     path = put(tmp_path)
     path.write_bytes(path.read_text().replace("green", "grün").encode("latin-1"))

@@ -183,6 +183,10 @@ class EnviFile:
         raw = self.raw(wavelengths)
         bands = self.good_bands()
         names = self.entries("spectra names") or [""] * count
+        listed = self.header.get("spectra names")
+        if isinstance(listed, list) and len(listed) == count:
+            # A spectrum may have an empty name.
+            names = listed
         if len(names) != count:
             raise self.error(
                 f"{len(names)} spectra names for {count} spectra; does a name hold a comma, "
