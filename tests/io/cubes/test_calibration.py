@@ -133,6 +133,31 @@ def test_saturated_readings_in_bins_without_calibration(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("stated", "correction"),
+    [
+        (np.array(WAVELENGTHS) + 3, {"wavelengths": WAVELENGTHS}),
+        (np.array(WAVELENGTHS) / 1000, {"unit": "um"}),
+        (None, {"wavelengths": WAVELENGTHS}),
+    ],
+)
+def test_references_state_what_is_corrected_of_the_cube(scene, stated, correction):
+    folder, raw, white, _ = scene
+    fields = {"wavelengths": stated, "wavelength units": "Nanometers"}
+    path, white_path = (
+        counts(folder, values, name, **fields) for name, values in (("raw", raw), ("white", white))
+    )
+    cube = open_cube(path, white=white_path, **correction)
+    assert_allclose(cube["wavelength"], WAVELENGTHS)
+    assert_allclose(cube.values, raw / white, rtol=2e-6)
+    # A reference may be right where the cube is not.
+    right = counts(folder, white, "right")
+    assert_allclose(open_cube(path, white=right, **correction), cube)
+    other = counts(folder, white, "other", wavelengths=np.array(WAVELENGTHS) - 3)
+    with refusal("other wavelengths than the cube"):
+        open_cube(path, white=other, **correction)
+
+
+@pytest.mark.parametrize(
     ("size", "complaint"),
     [
         ((4, SAMPLES - 1, BANDS), "give a frame of the same width"),

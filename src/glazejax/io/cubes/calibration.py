@@ -128,10 +128,15 @@ def _reference(
     height, width, stored = frame.shape
     if stored != count:
         raise refusal(path, f"the {what} reference has {stored} bands; the cube has {count}")
+    # What the user corrects of the cube, a reference of its camera states as the cube does.
+    grids = [wavelengths]
+    with contextlib.suppress(ValueError):
+        grids.append(cube.nanometres()[0])
     # Where the reference does not say, or not legally, it is the cube's camera.
     other = False
     with contextlib.suppress(ValueError):
-        other = not same_grid(frame.nanometres()[0], wavelengths)
+        stated = frame.nanometres()[0]
+        other = not any(same_grid(stated, grid) for grid in grids)
     if other:
         raise refusal(path, f"the {what} reference has other wavelengths than the cube")
     if (height, width) == (lines, samples) and lines > 1:
