@@ -182,8 +182,13 @@ def test_calibrations_that_mean_nothing(tmp_path):
     np.save(white, np.full(BANDS, 20_000.0))
     with refusal("a dark reference alone"):
         open_cube(path, dark=white)
-    with refusal("not both"):
-        open_cube(path, white=white, scale=3)
+    for own in (0.98, "tile.csv"):
+        with refusal("reflectance alone calibrates nothing; give a white reference too"):
+            open_cube(path, white_reflectance=own)
+    for said in ({"scale": 3}, {"unit": "percent"}, {"unit": "nm fraction"}):
+        with refusal("not both"):
+            open_cube(path, white=white, **said)
+    assert open_cube(path, white=white, unit="nm").shape == IMAGE.shape
     for own in (0, -1, 99, np.nan):
         with refusal("the white's own reflectance is"):
             open_cube(path, white=white, white_reflectance=own)

@@ -39,9 +39,11 @@ class CubeSource:
         dataset: of a zarr, NetCDF or HDF5 file; left out, the one array that can be meant.
         white: reading of a white: a cube of the same size, a frame of the same width (averaged over
             its lines), or one spectrum. With it reflectance is (raw - dark) / (white - dark) times
-            `white_reflectance`, NaN where the white is not above the dark.
+            `white_reflectance`, NaN where the white is not above the dark; `scale` and a unit of
+            values are then refused.
         dark: reading of no light, of the same kinds.
-        white_reflectance: the white's own reflectance, a number or a file of one spectrum.
+        white_reflectance: the white's own reflectance, a number or a file of one spectrum; needs
+            `white`.
         quantity: ``reflectance``, where that is what the values are, whatever the file calls them.
         unit: what the file does not say, or says wrongly: ``nm``, ``um``, ``1/cm`` of wavelengths,
             ``percent`` or ``fraction`` of values, or one of each, ``1/cm percent``.
@@ -110,9 +112,9 @@ def open_cube(
         how to correct it. ModuleNotFoundError: a package of the extra ``cube`` is missing.
     """
     require("xarray")
-    _check_options(white, dark, scale, binning)
     stated = Stated(quantity=quantity, unit=unit, scale=scale)
-    length, _ = read_units(stated)
+    length, value = read_units(stated)
+    _check_options(white, dark, white_reflectance, value, binning)
     listed = None if wavelengths is None else read_numbers(wavelengths, length)
     raw = raw_cube(Path(path), dataset, None if listed is None else listed.size)
     raw = with_usual_mark(raw)
@@ -144,15 +146,23 @@ def open_cube(
 def _check_options(
     white: str | Path | None,
     dark: str | Path | None,
+    white_reflectance: float | str | Path,
     scale: float | None,
     binning: tuple[int, int, int],
 ) -> None:
-    """Refuse options that contradict each other or mean nothing."""
+    """Refuse options that contradict each other or mean nothing; the scale may be that of a
+    unit.
+    """
     if dark is not None and white is None:
         raise ValueError("a dark reference alone calibrates nothing; give a white one too")
+    if white is None and white_reflectance != 1.0:
+        raise ValueError(
+            "the white's own reflectance alone calibrates nothing; give a white reference too"
+        )
     if white is not None and scale is not None:
         raise ValueError(
-            "give a scale or a white reference, not both: the white says what a reflectance of 1 is"
+            "give a scale or unit of values, or a white reference, not both: the white says what a "
+            "reflectance of 1 is"
         )
     if len(binning) != 3 or min(binning) < 1:
         raise ValueError(
