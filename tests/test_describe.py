@@ -114,6 +114,15 @@ def test_media_are_made_from_the_shelf():
     np.testing.assert_allclose(mixed.absorption, [2.5, 2.5])
 
 
+def test_weights_of_a_paint_that_is_named_twice_add_up():
+    names = ["ZincWhite", "Eosin"]
+    mixed, pure = name_paints(
+        parse_coats("0.5*ZincWhite+0.3*zinc-white+0.2*Eosin:10um, .5*Eosin+.5*eosin:1um"), names
+    )
+    assert mixed.parts == ((0.8, "ZincWhite"), (0.2, "Eosin"))
+    assert pure.parts == ((1.0, "Eosin"),)
+
+
 @pytest.mark.parametrize(
     ("metres", "words"),
     [

@@ -17,7 +17,7 @@ from glazejax import (
     reflectance,
     save_glaze,
 )
-from glazejax.paint.describe import Coat
+from glazejax.paint.describe import Coat, parse_coats
 from glazejax.stacks import (
     BLACK,
     WHITE,
@@ -268,3 +268,13 @@ def test_a_paint_that_a_mixture_holds_twice_keeps_its_weight(tmp_path):
     again = load_glaze(path).coats[0].medium
     assert isinstance(again, Mixture)
     assert_allclose(again.weights, [0.5, 0.5])
+
+
+def test_a_paint_in_two_spellings_is_one_of_their_weight():
+    twice = {"paint": {"ZincWhite": 7, "zinc white": 1, "Eosin": 2}, "um": 5}
+    [coat] = stack_from_dict({**GIVEN, "coats": [twice]}).coats
+    assert coat.parts == ((0.8, "ZincWhite"), (0.2, "Eosin"))
+    ground = stack_from_dict({**GIVEN, "ground": {"paint": twice["paint"]}}).ground
+    assert ground == Hiding(coat.parts)
+    typed = Stack(parse_coats("0.5*Eosin+0.25*ZincWhite+0.25*Eosin:5um"))
+    assert stack_to_dict(typed)["coats"][0]["paint"] == {"Eosin": 0.75, "ZincWhite": 0.25}

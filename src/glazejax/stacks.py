@@ -29,7 +29,14 @@ from .geometry import Geometry, Instrument, geometry_of, parse_geometry
 from .io.outputs import check_output
 from .io.source import naming, open_source
 from .io.write import write_files
-from .paint.describe import MAX_THICKNESS, Coat, WeightedPaints, find_name, name_paints
+from .paint.describe import (
+    MAX_THICKNESS,
+    Coat,
+    WeightedPaints,
+    find_name,
+    name_paints,
+    sum_weights,
+)
 from .paint.media import Glaze, Layer, Mixture, Pigment, Shelf, make_media
 from .spectra import (
     Bands,
@@ -451,17 +458,18 @@ def _parts(where: str, content: Any, shelf: Shelf) -> WeightedPaints:
             f"{where} must be of 1 to {MOST_PARTS} paints with their parts by weight, such as "
             f'"paint": {{{json.dumps(name, ensure_ascii=False)[:60]}: 1}}'
         )
-    weights = {}
+    parts = []
     for name, value in content.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
             raise ValueError(
                 f"{where}: the part of {name:.60} is {value!r:.60}; it must be a number from 0 on"
             )
         try:
-            weights[find_name(name, shelf)] = weight
+            parts.append((weight, find_name(name, shelf)))
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
-    # Parts by weight become shares of one.
+    # One paint may stand there in two spellings. Parts by weight become shares of one.
+    weights = sum_weights(parts)
     total = sum(weights.values())
     if total <= 0:
         raise ValueError(f"{where}: all parts are 0; give one of its paints some weight")
@@ -554,7 +562,7 @@ def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
     coats = []
     for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
         entry: dict[str, Any] = {
-            "paint": {name: weight for weight, name in coat.parts},
+            "paint": sum_weights(coat.parts),
             # Without the digits that a change of unit leaves behind.
             "um": float(f"{coat.total * 1e6:.12g}"),
         }
@@ -563,7 +571,7 @@ def stack_to_dict(stack: Stack, digits: int = 6) -> dict[str, Any]:
     if isinstance(ground, Spectrum):
         ground = {key: [float(value) for value in getattr(ground, key)] for key in ground._fields}
     elif isinstance(ground, Hiding):
-        ground = {"paint": {name: weight for weight, name in ground.parts}}
+        ground = {"paint": sum_weights(ground.parts)}
     content = {"glazejax": "stack", "version": 1, "coats": coats, "ground": ground}
     content |= {"refractive_index": stack.refractive_index, "geometry": stack.instrument}
     own_paints = {name: pigment_to_dict(paint, digits) for name, paint in stack.pigments.items()}

@@ -346,6 +346,13 @@ def test_a_check_gives_the_stack_as_it_is_understood():
     assert found["coats"] == [{"paint": {"CobaltBlue": 5}, "um": 2}]
 
 
+def test_a_paint_in_two_spellings_is_one_of_their_weight():
+    twice = {"ZincWhite": 7, "Eosin": 2, "zinc white": 1}
+    [found] = check(question_with(coats=[{"paint": twice, "um": 2}], ground={"paint": twice}))
+    assert found["coats"][0]["paint"] == {"ZincWhite": 8, "Eosin": 2}
+    assert found["ground"] == {"paint": {"ZincWhite": 8, "Eosin": 2}}
+
+
 def test_lines_of_python_run_and_give_the_same_spectrum():
     code = 'return (await load("lines")).pythonLines(given.stack, given.data);'
     whole = {**STACK, "refractive_index": 1.5}

@@ -233,13 +233,23 @@ def same_name(first: str, second: str) -> bool:
 
 
 def name_paints(coats: Sequence[Coat], names: Iterable[str]) -> tuple[Coat, ...]:
-    """Coats whose parts carry the full names of pigments.
+    """Coats whose parts carry the full names of pigments, each once: the weights of one that is
+    named twice, in whatever spelling, add up.
 
     Raises:
         ValueError: an unknown pigment; see `find_name`.
     """
     names = list(names)
-    return tuple(
-        coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts))
-        for coat in coats
-    )
+    named = []
+    for coat in coats:
+        weights = sum_weights((weight, find_name(name, names)) for weight, name in coat.parts)
+        named.append(coat._replace(parts=tuple((weight, name) for name, weight in weights.items())))
+    return tuple(named)
+
+
+def sum_weights(parts: Iterable[tuple[float, str]]) -> dict[str, float]:
+    """Weight of each paint by its name, in their order; those of one that comes twice add up."""
+    weights: dict[str, float] = {}
+    for weight, name in parts:
+        weights[name] = weights.get(name, 0.0) + weight
+    return weights

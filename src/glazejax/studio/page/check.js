@@ -54,13 +54,15 @@ function findPaint(name, names) {
 
 function parts(where, given, names, most) {
   if (!isObject(given) || !Object.keys(given).length || Object.keys(given).length > most) refuse(`${where} must be of 1 to ${most} paints with their parts by weight`);
-  const found = {};
+  const weights = new Map();
   for (const [name, weight] of Object.entries(given)) {
     if (!real(weight) || weight < 0 || weight > 1e9) refuse(`${where}: the part of ${name.slice(0, 60)} is ${show(weight)}; it must be a number from 0 on`);
-    found[findPaint(name, names)] = weight;
+    // One paint may stand there in two spellings.
+    const full = findPaint(name, names);
+    weights.set(full, (weights.get(full) ?? 0) + weight);
   }
-  if (!Object.values(found).some((weight) => weight > 0)) refuse(`${where}: all parts are 0; give one of its paints some weight`);
-  return found;
+  if (![...weights.values()].some((weight) => weight > 0)) refuse(`${where}: all parts are 0; give one of its paints some weight`);
+  return Object.fromEntries(weights);
 }
 
 export function checkPaint(name, given) {
