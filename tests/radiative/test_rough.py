@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 import glazejax as gj
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.rough import (
     rough_hemispherical_reflectance,
     rough_ports,
@@ -259,7 +261,19 @@ def test_what_must_be_known_is_not_traced(unchecked):
         jax.jit(
             lambda n: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n)
         )(1.5)
+    with refusal("refractive_index is traced"):
+        jax.jit(lambda n: rough_ports([0.5], [1.0], refractive_index=n))(1.5)
     with refusal("mirror direction only"):
         surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with refusal("side 'below' is unknown"):
         surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_smooth_surface_takes_a_traced_index():
+    def albedo(n):
+        return surface_albedo(0.7, roughness=0.0, refractive_index=n)
+
+    assert_allclose(jax.jit(albedo)(1.5), dielectric_reflectance(0.7, 1.5), rtol=1e-12)
+    check_slopes(albedo, (jnp.array(1.5),))
+    lost = jax.jit(lambda n: surface_loss([0.2, 0.7], roughness=0.0, refractive_index=n))(1.5)
+    assert_array_equal(lost, [0.0, 0.0])

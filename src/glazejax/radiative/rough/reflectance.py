@@ -144,7 +144,11 @@ def by_index(
     """
     check_tolerance(tolerance)
     indices = concrete(refractive_index)
-    assert indices is not None  # check_surface has refused one that is traced
+    if indices is None:
+        raise ValueError(
+            "refractive_index is traced, but a surface's operators need known numbers: under jit "
+            "or vmap pass it as a static argument"
+        )
     stacks = batch_of_stacks({**arguments, "refractive_index": np.asarray(indices, float)})
     kinds = np.unique(indices)
     # The index belongs to the surface; the stacks are solved without it.

@@ -95,14 +95,18 @@ def surface_albedo(
     What is not reflected enters the paint: `rough_hemispherical_reflectance` over it adds up to one
     with this.
 
-    Args, raises as for `surface_reflectance_factor`.
+    Args, raises as for `surface_reflectance_factor`; the index of a smooth surface may be traced.
     """
     rough = check_surface(roughness, refractive_index) > 0.0
     check_values({"cos_incidence": cos_incidence, "refractive_index": refractive_index})
+    if not rough:
+        # A formula, which takes an index that is traced, too.
+        dtype = jnp.result_type(float)
+        return dielectric_reflectance(
+            jnp.asarray(cos_incidence, dtype), jnp.asarray(refractive_index, dtype)
+        )
 
     def one(index: float, cosine: Array) -> Array:
-        if not rough:
-            return dielectric_reflectance(cosine, index)
         # All energy is kept: what does not enter is reflected.
         return 1.0 - jnp.sum(
             resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1
@@ -119,16 +123,18 @@ def surface_loss(
     Args:
         cosine: in air or in the paint, (...), in (0, 1].
         roughness: alpha, a number in [0, 1]; without roughness nothing is lost.
-        refractive_index: known numbers, (...).
+        refractive_index: known numbers, (...); without roughness it may be traced.
         side: "air" or "paint", where the light comes from.
     """
     rough = check_surface(roughness, refractive_index) > 0.0
     check_choice("side", side, Side)
     check_values({"cos_incidence": cosine})
+    if not rough:
+        dtype = jnp.result_type(float)
+        both = (jnp.asarray(values, dtype) for values in (cosine, refractive_index))
+        return jnp.zeros_like(jnp.broadcast_arrays(*both)[0])
 
     def one(index: float, cosine: Array) -> Array:
-        if not rough:
-            return jnp.zeros_like(cosine)
         if side == "air":
             operators = resolve(index, float(roughness), _TOLERANCE).operators()
             assert operators.table is not None
