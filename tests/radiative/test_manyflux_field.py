@@ -75,6 +75,36 @@ def test_errors_name_the_value(unchecked):
         jax.jit(lambda d: manyflux_field([0.5, 0.5], d, 0.3, **given).beam)(np.array([1.0, 1.0]))
 
 
+@pytest.mark.parametrize(
+    ("index", "lit", "directions", "streams"),
+    [
+        (1.5, 1.0, [1e-4, 1e-5], 4),
+        # A beam that grazes, in a medium where it goes straight on.
+        slow(1.0, 1e-5, [1.0], 4),
+        # Just steeper than the critical angle: in the other layer this direction grazes.
+        slow((1.5, 1.4), 1.0, [np.sqrt(1 - (1.4 / 1.5) ** 2) + 1e-10], 8),
+    ],
+)
+def test_light_that_grazes_inside_is_followed(index, lit, directions, streams):
+    count = np.size(index)
+    doubled, exact = (
+        manyflux_field(
+            [0.9] * count,
+            [1.0] * count,
+            0.5,
+            depth=[0.3],
+            cos_direction=directions,
+            refractive_index=index,
+            cos_incidence=lit,
+            streams=streams,
+            solution=solution,
+        )
+        for solution in ("doubling", "modes")
+    )
+    for name in exact._fields:
+        assert_allclose(getattr(doubled, name), getattr(exact, name), atol=1e-8)
+
+
 INDICES = (1.6, 1.35, 1.5)
 MORE = henyey_greenstein(np.array([0.6, -0.3, 0.2]), 8)
 

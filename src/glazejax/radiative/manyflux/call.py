@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..common.chunks import in_chunks
 from ..common.inputs import (
@@ -92,6 +92,7 @@ def prepare(
     azimuth: Any = None,
     *,
     least: float | None = None,
+    cos_inside: Float[np.ndarray, "inside"] | None = None,
     downward: bool = False,
 ) -> CheckedBatch:
     """Checked arguments.
@@ -100,7 +101,8 @@ def prepare(
         stack: as given.
         cosines: by name, those that vary with the batch.
         azimuth: degrees; None if the result does not depend on it.
-        least: smallest cosine of any direction where it is not among ``cosines``.
+        least: smallest cosine of any direction outside where it is not among ``cosines``.
+        cos_inside: of directions in the layers that are followed, too.
         downward: whether the light is seen from below.
     """
     # What is known decides which program there is to be, before JAX may trace the rest.
@@ -154,6 +156,7 @@ def prepare(
         streams=stack.streams,
         azimuthal=azimuth is not None,
         solution=stack.solution,
+        cos_inside=cos_inside,
     )
     if single:
         warn_of_rounding(

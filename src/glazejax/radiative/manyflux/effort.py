@@ -53,6 +53,7 @@ def choose_effort(
     *,
     azimuthal: bool,
     solution: Solution = "doubling",
+    cos_inside: Float[np.ndarray, "inside"] | None = None,
 ) -> FluxEffort:
     """Least effort for an accuracy.
 
@@ -66,6 +67,7 @@ def choose_effort(
         streams: number of directions in a hemisphere, if it is given.
         azimuthal: whether the result depends on the azimuth at all.
         solution: of the layers.
+        cos_inside: of directions in any of the layers, beside those outside.
 
     Raises:
         ValueError: too few streams, no directions good enough, or an unknown solution.
@@ -87,6 +89,9 @@ def choose_effort(
     # Rounded, there are few enough different ones that the search is rarely repeated.
     rounded = tuple(np.round(sizes[:terms_kept], 4).tolist())
     directions, least = _directions(media, rounded, tolerance, streams, least_cosine)
+    if cos_inside is not None:
+        layers = media.layers if isinstance(media, Media) else (media,)
+        least = min(least, _least_inside(layers, cos_inside))
     # An azimuth mode that is left out is missed once, a moment in all modes: a larger share.
     modes = (
         np.flatnonzero(twice[:terms_kept] > 0.3 * tolerance).max(initial=0) + 1 if azimuthal else 1
@@ -120,6 +125,15 @@ def _directions(
     # A beam or view that is followed exactly may be flatter than all nodes.
     mu = np.asarray(spread_directions(media, spread).cosines)
     return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
+
+
+def _least_inside(layers: tuple[float, ...], cosines: Float[np.ndarray, "inside"]) -> float:
+    """Smallest cosine of directions in any layer, and in those that they reach from it."""
+    index = np.array(layers)[:, None, None]
+    known_in = np.array(layers)[:, None]
+    # (n cos)^2 by Snell's law; below zero a direction is totally reflected before.
+    squared = (index - known_in) * (index + known_in) + (known_in * cosines) ** 2
+    return float(np.min(np.sqrt(np.where(squared > 0, squared, index**2)) / index, initial=1.0))
 
 
 def effort_for_indices(

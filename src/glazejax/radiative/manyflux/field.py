@@ -96,9 +96,7 @@ def manyflux_field(
         streams=streams,
         solution=solution,
     )
-    call = prepare(
-        stack, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0))
-    )
+    call = prepare(stack, {"cos_incidence": cos_incidence}, 0.0, cos_inside=directions)
     if call.batch:
         raise ValueError(
             f"the field is that of one stack; here are {call.batch} of them: use jax.vmap"
