@@ -180,6 +180,10 @@ def test_errors_name_the_value():
         manyflux_reflectance_factor(*stack, phase=np.ones((3, 1)))
     with refusal("cos_incidence holds 45"):
         manyflux_reflectance_factor(*stack, cos_incidence=45.0)
+    with refusal("azimuth holds nan; it must be a finite number of degrees"):
+        manyflux_reflectance_factor(*stack, azimuth=[0.0, np.nan])
+    with refusal("azimuth holds nan"):
+        brdf_table(*stack, cos_incidence=[1.0], cos_viewing=[1.0], azimuth=[np.nan])
     with refusal("streams is 1"):
         manyflux_reflectance_factor(*stack, streams=1)
     with refusal("refractive_index must be a number"):

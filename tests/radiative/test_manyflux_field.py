@@ -68,6 +68,8 @@ def test_field_meets_the_outside(solution):
 def test_errors_name_the_value(unchecked):
     with refusal("depth holds 2"):
         manyflux_field([0.5], [1.0], 0.3, depth=[2.0], cos_direction=[0.5])
+    with refusal("azimuth holds inf"):
+        manyflux_field([0.5], [1.0], 0.3, depth=[0.5], cos_direction=[0.5], azimuth=[np.inf])
     with refusal(r"the field is that of one stack; here are \(2,\)"):
         manyflux_field([[0.5], [0.6]], [1.0], 0.3, depth=[0.5], cos_direction=[0.5])
     given = {"depth": [0.5], "cos_direction": [0.5], "refractive_index": (1.5, 1.4), "streams": 8}

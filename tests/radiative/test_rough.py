@@ -265,6 +265,8 @@ def test_what_must_be_known_is_not_traced(unchecked):
         jax.jit(lambda n: rough_ports([0.5], [1.0], refractive_index=n))(1.5)
     with refusal("mirror direction only"):
         surface_reflectance_factor(0.5, 0.5, roughness=0.0)
+    with refusal("azimuth holds nan"):
+        surface_reflectance_factor(0.5, 0.5, np.nan, roughness=0.1)
     with refusal("side 'below' is unknown"):
         surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
 

@@ -34,6 +34,7 @@ _RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
     "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
     "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+    "azimuth": ("a finite number of degrees", lambda x: abs(x) < np.inf),
 }
 
 

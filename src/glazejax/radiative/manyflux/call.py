@@ -121,6 +121,7 @@ def prepare(
     }
     shapes = {"phase": of_phase}
     if azimuth is not None:
+        check_values({"azimuth": azimuth})
         azimuth = jnp.deg2rad(jnp.asarray(azimuth, dtype))
         shapes["azimuth"] = azimuth.shape
     checked = batch_of_stacks(named | cosines, shapes=shapes)

@@ -85,7 +85,7 @@ def manyflux_field(
         counts as not scattered (delta-M); it is in ``beam`` and in the fluxes.
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
-    check_values({"cos_viewing": directions})
+    check_values({"cos_viewing": directions, "azimuth": azimuth})
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,

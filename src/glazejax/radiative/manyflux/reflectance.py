@@ -178,13 +178,14 @@ def brdf_table(
         ValueError: as there, or an axis of angles that is not one-dimensional.
     """
     cosines = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    for name, values in (cosines | {"azimuth": azimuth}).items():
+    angles = cosines | {"azimuth": azimuth}
+    for name, values in angles.items():
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
             raise ValueError(
                 f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is "
                 f"{values}"
             )
-    check_values(cosines)
+    check_values(angles)
     stack = StackInputs(
         albedo=albedo,
         optical_thickness=optical_thickness,

@@ -66,7 +66,7 @@ def surface_reflectance_factor(
             "roughness is 0: a smooth surface reflects in the mirror direction only, and has no "
             "reflectance factor; surface_albedo says how much"
         )
-    check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing})
+    check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth})
     a = float(roughness)
 
     def one(index: float, c_in: Array, c_out: Array, degrees: Array) -> Array:
