@@ -36,10 +36,11 @@ def test_pigments_are_read(tmp_path):
 def test_pigments_that_were_written_read_back(tmp_path):
     oil = catalogue.pigment("ViridianGreen")
     plain = Pigment("=Spot, 1", [400.0, 500.0], [1.5, 2.0], [3.0, 0.1])
+    numbered = plain.renamed("#1 blue")
     path = tmp_path / "mine.csv"
-    write_pigments(path, [oil, plain], ["found in a map"])
+    write_pigments(path, [oil, plain, numbered], ["found in a map"])
     found = read_pigments(path)
-    assert list(found) == [oil.name, plain.name]
+    assert list(found) == [oil.name, plain.name, numbered.name]
     for one in (oil, plain):
         again = found[one.name]
         for name in ("absorption", "scattering", "absorption_sd", "scattering_sd", "error_modes"):

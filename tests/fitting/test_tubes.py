@@ -20,6 +20,7 @@ from glazefit.recover.joint.pose import Gauge, error_modes, pose
 from glazefit.recover.joint.problem import Expectations, optical_thickness
 from glazefit.recover.predict.next_reading import rank_next_films
 from glazejax import Pigment, catalogue
+from glazejax.paint.pigment_table import write_pigments
 
 from ..refusals import refusal
 from .palette import GRID
@@ -378,6 +379,10 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     copy = replace(sky, known_paints={"White": again["White"]})
     assert add_paints(copy, path, overwrite=True) == ("Sky",)
     assert list(catalogue.read(path)) == ["Blue", "White", "Sky"]
+    # A name that begins as a comment does stays a paint's.
+    write_pigments(path, [again["Blue"].renamed("#1"), again["White"]], overwrite=True)
+    assert add_paints(copy, path) == ("Sky",)
+    assert list(catalogue.read(path)) == ["#1", "White", "Sky"]
     assert not list(tmp_path.glob("*.part"))
 
 

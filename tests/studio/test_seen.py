@@ -215,7 +215,9 @@ def read_paints(*texts):
 
 
 def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
-    """What `write_pigments` writes: names with commas and of formulas, errors that are missing."""
+    """What `write_pigments` writes: names with commas, of formulas and numbered, errors that are
+    missing.
+    """
     eosin = gj.catalogue.pigment("Eosin")
     sd = 0.1 * np.asarray(eosin.absorption)
     known_at = np.arange(31) > 2
@@ -224,6 +226,7 @@ def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
             "Red, old", eosin.wavelengths, eosin.absorption, eosin.scattering, absorption_sd=sd
         ),
         gj.catalogue.pigment("LeadWhite").renamed("=sum"),
+        gj.catalogue.pigment("LeadWhite").renamed("#1 white"),
         gj.Pigment(
             "Eosin", eosin.wavelengths, eosin.absorption, eosin.scattering, identifiable=known_at
         ),
@@ -231,14 +234,14 @@ def test_a_table_of_own_paints_is_read_as_python_reads_it(tmp_path):
     write_pigments(tmp_path / "mine.csv", mine, ["read at home"])
     text = (tmp_path / "mine.csv").read_text()
     [found] = read_paints(text)
-    assert list(found["pigments"]) == ["Red, old", "=sum", "Eosin (own)"]
+    assert list(found["pigments"]) == ["Red, old", "=sum", "#1 white", "Eosin (own)"]
     python = read_pigments(tmp_path / "mine.csv")
     for paint, one in zip(found["pigments"].values(), python.values(), strict=True):
         for key in ("wavelengths", "absorption", "scattering"):
             assert_allclose(paint[key], getattr(one, key), rtol=1e-6)
         assert ("scattering_sd" in paint) == (one.scattering_sd is not None)
         assert paint["provenance"] == "read at home"
-    assert found["entries"][2]["unknown"] == "400-420 nm"
+    assert found["entries"][3]["unknown"] == "400-420 nm"
     # The same with a spreadsheet's mark and line ends.
     assert read_paints("\ufeff" + text.replace("\n", "\r\n")) == [found]
 

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -56,15 +56,34 @@ def table_bytes(
         ValueError: a row has another number of cells than the header.
     """
     text = io.StringIO()
-    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
-    writer.writerow([_plain(title) for title in header])
+    write_row = row_writer(text, delimiter)
+    write_row([_plain(title) for title in header])
     for number, row in enumerate(rows, start=1):
         if len(row) != len(header):
             raise ValueError(
                 f"row {number} has {len(row)} cells where the header has {len(header)}"
             )
-        writer.writerow([_plain(cell) for cell in row])
+        write_row([_plain(cell) for cell in row])
     return text.getvalue().encode("utf-8")
+
+
+def row_writer(text: io.StringIO, delimiter: str = ",") -> Callable[[Sequence[object]], None]:
+    """A function that adds a row of cells to a table's text, so that it is read as one.
+
+    Args:
+        text: what it is added to.
+        delimiter: between cells.
+    """
+    plain, quoted = (
+        csv.writer(text, delimiter=delimiter, lineterminator="\n", quoting=quoting)
+        for quoting in (csv.QUOTE_MINIMAL, csv.QUOTE_ALL)
+    )
+
+    def write_row(cells: Sequence[object]) -> None:
+        # A line that begins with # is a comment, one that begins with a quotation mark is not.
+        (quoted if cells and str(cells[0]).startswith("#") else plain).writerow(cells)
+
+    return write_row
 
 
 def _plain(cell: object) -> object:

@@ -18,6 +18,7 @@ import numpy as np
 from glazejax import Pigment
 from glazejax.io.outputs import check_output
 from glazejax.io.words import shield_name, unshield_name
+from glazejax.io.write import row_writer
 from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import pigment_rows, read_pigments
 from glazejax.whole_file import whole_file
@@ -107,17 +108,17 @@ def add_paints(
     empty = "0" if "k_mode_1" in header else ""
     fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    write_row = row_writer(text)
     text.writelines(line + "\n" for line in remarks)
-    writer.writerow(wide)
+    write_row(wide)
     name_column = header.index("pigment")
-    writer.writerows(
-        [*row, *fill] for row in cells[1:] if unshield_name(row[name_column].strip()) not in new
-    )
+    for row in cells[1:]:
+        if unshield_name(row[name_column].strip()) not in new:
+            write_row([*row, *fill])
     for name, *values in rows:
         row = dict(zip(titles, [shield_name(str(name)), *values], strict=True))
         # No share in modes that no new paint has either; other columns of the file are not ours.
-        writer.writerow(row.get(title, "0") for title in wide)
+        write_row([row.get(title, "0") for title in wide])
     with whole_file(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
     return new
