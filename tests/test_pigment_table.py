@@ -75,6 +75,16 @@ def test_columns_in_any_order_comments_and_extras(tmp_path):
     assert pigment.provenance == "fitted, if each film is 20 um thick"
 
 
+def test_error_modes_are_paired_by_their_numbers(tmp_path):
+    titles = "pigment,wavelength_nm,absorption,scattering,"
+    order = "k_mode_10,s_mode_2,k_mode_2,s_mode_10"
+    modes = read_pigments(put(tmp_path, f"{titles}{order}\nA,400,1,1,.1,.2,.3,.4\n"))["A"]
+    assert_array_equal(modes.error_modes, [[[0.3], [0.2]], [[0.1], [0.4]]])
+    other = order.replace("s_mode_2", "s_mode_3")
+    alone = read_pigments(put(tmp_path, f"{titles}{other}\nA,400,1,1,.1,.2,.3,.4\n"))["A"]
+    assert alone.error_modes is None
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

@@ -128,11 +128,18 @@ def _maybe(cell: str) -> float:
 
 
 def _modes(columns: _Columns) -> np.ndarray | None:
-    """Error modes, (modes, 2, bands); None if the table has none, not as many of s as of k, or
-    cells that are empty.
+    """Error modes, (modes, 2, bands), by their numbers; None if the table has none, not those of s
+    that it has of k, or cells that are empty.
     """
-    titles = [[title for title in columns if title.startswith(f"{what}_mode_")] for what in "ks"]
-    if not titles[0] or len(titles[0]) != len(titles[1]):
+
+    def number(title: str) -> int:
+        return int(title.rpartition("_")[2])
+
+    titles = [
+        sorted((title for title in columns if title.startswith(f"{what}_mode_")), key=number)
+        for what in "ks"
+    ]
+    if not titles[0] or [*map(number, titles[0])] != [*map(number, titles[1])]:
         return None
     # From k and s by title to modes of both.
     modes = np.array([[columns[title] for title in half] for half in titles]).swapaxes(0, 1)
