@@ -95,6 +95,18 @@ def test_gamut_is_named(unchecked):
         display.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.parametrize("xp", [np, jnp], ids=["numpy", "jax"])
+def test_a_colour_that_is_no_number_lies_outside(xp):
+    display = Display.preset("sRGB")
+    xyz = xp.asarray([[np.nan, 0.5, 0.5], [0.3, 0.3, 0.3]])
+    every_way = [display.to_rgb(xyz, gamut=gamut) for gamut in ("clip", "dim", "desaturate")]
+    for found in (*every_way, display.look_up(xyz)):
+        assert_array_equal(found.outside, [True, False])
+        assert_array_equal(found.rgb[0], [0, 0, 0])
+    with refusal("1 of 2 colours lie outside sRGB"):
+        display.to_rgb(xyz, gamut="error")
+
+
 def test_dimming_keeps_chromaticity_and_desaturating_luminance():
     display = Display.preset("sRGB")
     bright = np.asarray(display.to_xyz(np.array([200.0, 120.0, 40.0]))) * 3
@@ -198,6 +210,10 @@ def test_colours_can_be_differentiated():
         (lambda: Display(PRIMARIES[:2], [1, 1]), r"chromaticities \(3, 2\)"),
         (lambda: Display(PRIMARIES, [1, 0, 1]), "must be positive"),
         (lambda: Display(PRIMARIES, [1, 1, 1], -2.2), "gamma is -2.2"),
+        (
+            lambda: Display(PRIMARIES, [1, 1, 1], ToneCurve.from_gamma(2.2), levels=1023),
+            "ends at level 255, but the display's highest is 1023: give Display levels=255",
+        ),
         (
             lambda: ToneCurve(np.array([0.0, 1, 2]), np.array([0.0, 0.5, 0.4])),
             "number 3 is 0.4 after 0.5",

@@ -43,7 +43,7 @@ class Digital(NamedTuple):
     rgb: Int[Array | np.ndarray, "*batch 3"]
     """Levels, 0 to the highest."""
     outside: Bool[Array | np.ndarray | np.bool_, "*batch"]
-    """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another
+    """Where the colour lies outside the gamut, is too bright or NaN, so that `rgb` is another
     colour.
     """
 
@@ -60,8 +60,8 @@ class Display:
         name: for people.
 
     Raises:
-        ValueError: primaries on one line, a luminance that is not positive, or what `ToneCurve`
-            refuses.
+        ValueError: primaries on one line, a luminance that is not positive, a curve that ends at
+            another level than the highest, or what `ToneCurve` refuses.
 
     Source: paper B, eqs (1)-(3).
     """
@@ -114,6 +114,12 @@ class Display:
         self.tones: tuple[ToneCurve, ...] = tuple(
             c if isinstance(c, ToneCurve) else ToneCurve.from_gamma(c, levels) for c in curves
         )
+        ends = [float(curve.levels[-1]) for curve in self.tones]
+        if wrong := [end for end in ends if end != levels]:
+            raise ValueError(
+                f"a tone curve ends at level {wrong[0]:g}, but the display's highest is {levels}: "
+                f"give Display levels={wrong[0]:g}, or a curve up to {levels}"
+            )
         # XYZ of each primary at its highest level; T is the inverse, up to the levels (3).
         self._to_xyz = primaries * top
         self._to_light = np.linalg.inv(self._to_xyz)
@@ -249,7 +255,9 @@ class Display:
         if gamut == "error":
             self._refuse(xyz, outside)
         in_gamut = _bring_inside(light, self.luminances / self.luminances.sum(), gamut)
-        return Digital(xp.round(self.encode(in_gamut)).astype(np.int32), outside)
+        # No integer stands for NaN: it is shown black.
+        levels = xp.nan_to_num(xp.round(self.encode(in_gamut)))
+        return Digital(levels.astype(np.int32), outside)
 
     def look_up(self, xyz: Numbers, *, fine: bool = True) -> Digital:
         """Digital RGB by correction tables without interpolation, as the hardware of paper B makes
@@ -266,9 +274,10 @@ class Display:
         Source: paper B, section 2, figure 1.
         """
         light = np.asarray(self.linear(xyz))
+        shown = np.where(np.isnan(light), 0.0, light)
         tables = 2 if fine else 1
         levels = [
-            look_up(self.levels * light[..., k], *tone.tables(self.levels)[:tables])
+            look_up(self.levels * shown[..., k], *tone.tables(self.levels)[:tables])
             for k, tone in enumerate(self.tones)
         ]
         return Digital(np.stack(levels, axis=-1).astype(np.int32), _outside(light))
@@ -334,11 +343,11 @@ def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
 
 def _outside(light: Channels) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
     """Mask of colours for which a primary would have to shine less than not at all, or more than it
-    can.
+    can, and of those that are NaN.
     """
     # Light beyond what the display has, in parts of its highest level, that is rounding rather than
     # another colour.
-    return array_module(light).any((light < -1e-6) | (light > 1.0 + 1e-6), axis=-1)
+    return array_module(light).any(~((light >= -1e-6) & (light <= 1.0 + 1e-6)), axis=-1)
 
 
 def _times(vectors: Channels, matrix: Float[np.ndarray, "3 3"]) -> Channels:
