@@ -14,7 +14,13 @@ from glazefit.recipe.refine import pack_coats
 from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
 from glazefit.recipe.screen import Stacks, screen
 from glazefit.recipe.selection import by_effort, roundings, select
-from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
+from glazefit.recipe.targets import (
+    as_targets,
+    colourchecker_targets,
+    lab_target,
+    spectral_target,
+    srgb_target,
+)
 from glazefit.recipe.task import make_task
 from glazejax import catalogue, colour
 
@@ -157,6 +163,16 @@ def test_targets_of_a_chart():
     lightness, a, b = red.lab(D65, colour.CIE_1931)
     assert (35 < lightness < 50, a > 40, b > 15) == (True, True, True)
     assert [t.name for t in colourchecker_targets(["blue_sky", "blue  sky"])] == ["blue sky"]
+
+
+def test_a_batch_may_be_an_iterator():
+    batch = [(50, 20, 30), {"D65": (40, 0, 0)}, srgb_target("#8a4b2d")]
+    targets, several = as_targets(iter(batch))
+    assert several
+    assert [target.name for target in targets] == ["Lab 50, 20, 30", "Lab 40, 0, 0", "#8a4b2d"]
+    ((alone,), several) = as_targets(iter((50, 20, 30)))
+    assert not several
+    assert alone.name == "Lab 50, 20, 30"
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ The patches of a measured ColorChecker chart are at hand as targets: `colourchec
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
@@ -129,6 +129,8 @@ def as_targets(target: Any) -> tuple[tuple[Target, ...], bool]:
     """Targets of one or of a batch, and whether it is a batch; a target may be a `Target`, three
     numbers, or a mapping of such.
     """
+    # An iterator gives each of its targets once.
+    target = list(target) if isinstance(target, Iterator) else target
     single = isinstance(target, Target | Mapping)
     if not single:
         try:
