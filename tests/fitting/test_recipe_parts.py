@@ -1,6 +1,7 @@
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,15 @@ from rich.console import Console
 from glazefit import find_recipes
 from glazefit.recipe.model import read
 from glazefit.recipe.parts import whole_parts
+from glazefit.recipe.recipe import Recipe, _with_gamut
 from glazefit.recipe.refine import pack_coats
-from glazefit.recipe.report import describe_coat, print_best, print_recipes, write_json
+from glazefit.recipe.report import (
+    _print_warnings,
+    describe_coat,
+    print_best,
+    print_recipes,
+    write_json,
+)
 from glazefit.recipe.screen import Stacks, screen
 from glazefit.recipe.selection import by_effort, roundings, select
 from glazefit.recipe.targets import (
@@ -271,6 +279,30 @@ def test_stacks_differ_by_the_order_of_their_coats(task):
     assert select(task, both, 5).size == 2
     assert both.coats.tolist() == both.paints.tolist() == [2, 2]
     assert by_effort(task, both).tolist() == [1, 0]
+
+
+def at_distance(delta_e, limit):
+    """A recipe so far from its target, of which nothing else is known."""
+    unset: dict[str, Any] = {field.name: None for field in fields(Recipe)}
+    stated = {"target": lab_target((50, 90, 0), "pink"), "delta_e": {D65: delta_e}, "limit": limit}
+    return Recipe(**unset | stated)
+
+
+def test_a_target_out_of_reach_is_so_for_the_reason_of_its_nearest_recipe(capsys):
+    bound = "coat 2 is as thick as allowed"
+    simple, nearest = _with_gamut([at_distance(6.9, "paints"), at_distance(6.5, bound)])
+    assert (simple.limit, nearest.limit) == ("paints", bound)
+    assert simple.gamut_distance == nearest.gamut_distance == 6.5
+    for recipes, why in (
+        ([simple, nearest], f"in recipe 2, {bound}: try other bounds."),
+        ([nearest, simple], f"{bound}: try other bounds."),
+        ([replace(nearest, limit="paints"), simple], "these paints reach no further."),
+    ):
+        _print_warnings([recipes], "recipe", [], Console(width=200))
+        said = capsys.readouterr().out
+        assert said.strip() == f"pink: out of reach by a Delta E of 6.5; {why}"
+    reached = _with_gamut([at_distance(1.2, bound), at_distance(0.9, "paints")])
+    assert [(recipe.limit, recipe.gamut_distance) for recipe in reached] == [("", 0.0)] * 2
 
 
 def test_recipes_for_one_target_are_drawn_on_one_scale():

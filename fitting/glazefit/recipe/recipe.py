@@ -60,8 +60,8 @@ class Recipe(Tabulated):
             strength that paints have in one film relative to others
             (`glazefit.film.model.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
-        limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if
-            in reach.
+        limit: what keeps this recipe from a target out of reach: "paints", or a coat of it at a
+            bound of thickness; "" if the target is in reach.
         converged: whether least squares came to an end; if not, other amounts of the same paints
             may come nearer.
         steps: of least squares by the solver.
@@ -279,12 +279,17 @@ def _neighbours(sizes: OneStack) -> Sizes:
 
 
 def _with_gamut(recipes: list[Recipe]) -> list[Recipe]:
-    """Recipes of one target, which say by how much and why it is out of reach, if it is."""
-    nearest = min(recipes, key=lambda recipe: recipe.distance)
-    reached = nearest.distance < IN_GAMUT
-    limit = "" if reached else nearest.limit
-    distance = 0.0 if reached else nearest.distance
-    return [replace(recipe, gamut_distance=distance, limit=limit) for recipe in recipes]
+    """Recipes of one target, which say by how much it is out of reach, and what keeps each of them
+    from it, if it is.
+    """
+    nearest = min(recipe.distance for recipe in recipes)
+    reached = nearest < IN_GAMUT
+    distance = 0.0 if reached else nearest
+    # A bound is of a coat, and coats are a recipe's own.
+    return [
+        replace(recipe, gamut_distance=distance, limit="" if reached else recipe.limit)
+        for recipe in recipes
+    ]
 
 
 def _recipe(

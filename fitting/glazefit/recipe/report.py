@@ -101,7 +101,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str
     """Print all recipes of one target, coat by coat.
 
     Args:
-        recipes: the nearest first.
+        recipes: the best first, as `glazefit.find_recipes` lists them.
         console: to print to.
         view_options: options of ``glazejax render`` under which it shows the colour that was
             computed here.
@@ -130,7 +130,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str
         )
         console.print(Text(gain))
     unsettled = [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]
-    _print_warnings([first], "recipe", unsettled, console)
+    _print_warnings([recipes], "recipe", unsettled, console)
 
 
 def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> None:
@@ -154,7 +154,7 @@ def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> No
     _print_mixing(recipes, console)
     _print_cautions(recipes, console)
     unsettled = [best.target.name for best in recipes if not best.converged]
-    _print_warnings(recipes, "the recipe of", unsettled, console)
+    _print_warnings(recipe_lists, "the recipe of", unsettled, console)
 
 
 def _figures(recipe: Recipe, *, batch: bool) -> dict[str, str]:
@@ -221,18 +221,25 @@ def _print_cautions(recipes: Sequence[Recipe], console: Console) -> None:
 
 
 def _print_warnings(
-    recipes: Sequence[Recipe], what: str, unsettled: Sequence[str], console: Console
+    recipe_lists: Sequence[Sequence[Recipe]],
+    what: str,
+    unsettled: Sequence[str],
+    console: Console,
 ) -> None:
     """Sentences on targets out of reach, and on recipes whose least squares were stopped."""
-    for recipe in recipes:
-        if not recipe.in_gamut:
+    for recipes in recipe_lists:
+        # The reason is of the recipe that the distance is of, which need not stand first.
+        nearest = min(recipes, key=lambda recipe: recipe.distance)
+        if not nearest.in_gamut:
+            rank = recipes.index(nearest) + 1
+            where = f"in recipe {rank}, " if rank > 1 else ""
             why = (
                 "these paints reach no further"
-                if recipe.limit == "paints"
-                else f"{recipe.limit}: try other bounds"
+                if nearest.limit == "paints"
+                else f"{where}{nearest.limit}: try other bounds"
             )
-            distance = f"out of reach by a Delta E of {recipe.gamut_distance:.1f}"
-            console.print(Text(f"{recipe.target.name}: {distance}; {why}.", "yellow"))
+            distance = f"out of reach by a Delta E of {nearest.gamut_distance:.1f}"
+            console.print(Text(f"{nearest.target.name}: {distance}; {why}.", "yellow"))
     if unsettled:
         text = (
             f"Least squares stopped before it had settled for {what} {', '.join(unsettled)}: other "
