@@ -1,15 +1,20 @@
 import json
 import re
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
 
 from glazefit import colourchecker_targets
-from glazefit.recipe import recipe
+from glazefit.recipe import command, recipe
+from glazefit.recover.predict import mixture, prediction
+from glazejax import Pigment
 from glazejax.commands import progress
 from glazejax.io import read_spectra
+from glazejax.paint.describe import parse_coats
 from glazejax.paint.pigment_table import write_pigments
 
 from .palette import GRID, PALETTE
@@ -142,3 +147,25 @@ def test_one_target_shows_how_far_its_search_is(run, tmp_path, monkeypatch):
         shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", err, re.MULTILINE)
         assert len({*shares}) > 1, stage
     assert re.search(r"refining recipes .* about \d+ s left", err)
+
+
+def test_an_unknown_strength_is_told_of_a_coat_that_has_the_paint(monkeypatch):
+    """A thin glaze of it over a thick white: the white's coat says nothing of it."""
+    predicted = []
+
+    def predict(_shelf, parts, thickness, **_):
+        predicted.append((parts, thickness))
+
+    monkeypatch.setattr(mixture, "predict_mixture", predict)
+    monkeypatch.setattr(prediction, "say_paint_errors", lambda *_: "2.0")
+    white, red = PALETTE[0], PALETTE[2]
+    untold = Pigment(
+        "Red", GRID, red.absorption, red.scattering, identifiable=np.zeros(GRID.size, bool)
+    )
+    best: Any = SimpleNamespace(
+        paints=("Red", "White"), coats=parse_coats("Red:2um, 0.5*Red+0.5*White:5um, White:40um")
+    )
+    task: Any = SimpleNamespace(pigments=(white, untold), instrument=None, illuminants=("D65",))
+    said = command._say_unknown_strength(best, task, "2")
+    assert "strength of Red is unknown, which adds ΔE00 2.0" in said
+    assert predicted == [({"Red": 0.5, "White": 0.5}, [pytest.approx(5e-6)])]

@@ -359,7 +359,10 @@ def _say_unknown_strength(best: "Recipe", task: "RecipeTask", observer: str) -> 
     from ..recover.predict.mixture import predict_mixture
     from ..recover.predict.prediction import say_paint_errors
 
-    thickest = max(best.coats, key=lambda coat: coat.thickness)
+    thickest = max(
+        (coat for coat in best.coats if any(name in unknown for _, name in coat.parts)),
+        key=lambda coat: coat.thickness,
+    )
     prediction = predict_mixture(
         shelf,
         {name: share for share, name in thickest.parts},
