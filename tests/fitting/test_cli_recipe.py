@@ -104,6 +104,25 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(check_refusal, tmp_path)
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        "--glazes",
+        "--max-paints 1",
+        "--max-coats 2",
+        "--coat-thickness 2-7",
+        "--test-illuminant FL11",
+        "--metamerism 0.5",
+        "--count 2",
+        "--seed 1",
+    ],
+)
+def test_what_a_correction_does_not_use_is_refused(check_refusal, words):
+    option, *_ = words.split()
+    after = ["--lab", "50,0,0", "--after", "paints.csv", "--mixed", "White"]
+    check_refusal(f"{option} is for recipes; --after adds", *after, *words.split())
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
         ("", "give one target"),
@@ -125,6 +144,10 @@ def test_a_wrong_line_is_said_before_a_file_that_exists(check_refusal, tmp_path)
         (
             "--lab 50,0,0 --glazes --max-coats 7",
             "--max-coats is 7; it must be a whole number from 1 to 6",
+        ),
+        (
+            "--patch red --illuminants D65,A --after paints.csv --mixed White",
+            "--illuminants D65,A: --after corrects a colour under one light",
         ),
     ],
 )

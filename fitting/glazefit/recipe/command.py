@@ -209,6 +209,21 @@ def recipe(
     named = [option for option, path in outputs.items() if path is not None]
     if after is not None and named:
         raise ValueError(f"{named[0]} is for recipes; --after writes nothing: leave it out")
+    searched = {
+        "--glazes": glazes,
+        "--max-paints": max_paints is not None,
+        "--max-coats": max_coats is not None,
+        "--coat-thickness": coat_thickness is not None,
+        "--test-illuminant": test_illuminant != "A",
+        "--metamerism": metamerism != 0.2,
+        "--count": count != 5,
+        "--seed": seed != 0,
+    }
+    unused = [option for option, stated in searched.items() if stated]
+    if after is not None and unused:
+        raise ValueError(
+            f"{unused[0]} is for recipes; --after adds one or two paints to a mixture: leave it out"
+        )
     bounds = options.read_lengths(
         _COATS if coat_thickness is None else coat_thickness, "--coat-thickness"
     )
@@ -217,6 +232,10 @@ def recipe(
         raise ValueError("--illuminants is empty: name at least one, such as D65")
     for light in lights:
         options.check_illuminant(light)
+    if after is not None and len(lights) > 1:
+        raise ValueError(
+            f"--illuminants {illuminants}: --after corrects a colour under one light; name one"
+        )
     if len(lights) > 1 and (lab is not None or srgb is not None):
         raise ValueError(
             f"--illuminants {illuminants} needs a target with a spectrum, --spectrum FILE or "
