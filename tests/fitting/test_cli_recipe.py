@@ -13,7 +13,7 @@ from glazefit.recipe import command, recipe
 from glazefit.recover.predict import mixture, prediction
 from glazejax import Pigment
 from glazejax.commands import progress
-from glazejax.io import read_spectra
+from glazejax.io import SpectraTable, read_spectra, write_spectra
 from glazejax.paint.describe import parse_coats
 from glazejax.paint.pigment_table import write_pigments
 
@@ -170,6 +170,35 @@ def test_one_target_shows_how_far_its_search_is(run, tmp_path, monkeypatch):
         shares = re.findall(rf"^{stage} \d+ of \d+ \((\d+)%\), after", err, re.MULTILINE)
         assert len({*shares}) > 1, stage
     assert re.search(r"refining recipes .* about \d+ s left", err)
+
+
+def test_a_ground_is_used_where_it_and_the_paints_are_measured(run, monkeypatch):
+    """Paints of 380-750 nm over a card of 400-700 nm."""
+    wide = np.arange(380.0, 751.0, 10.0)
+    one = np.full(wide.size, 1e5)
+    write_pigments("wide.csv", [Pigment(name, wide, one, one) for name in ("One", "Two")])
+
+    def card(first, last):
+        bands = np.arange(first, last + 1, 10.0)
+        level = np.full(bands.size, 0.7)
+        write_spectra(SpectraTable(bands, ("card",), level[None]), "card.csv", overwrite=True)
+        return ["--lab", "50,0,0", "--pigments", "wide.csv", "--ground", "card.csv"]
+
+    def stop(task, **_):
+        searched.append(task)
+        raise ValueError("the search begins")
+
+    searched = []
+    monkeypatch.setattr(recipe, "recipe_chunks", stop)
+    _, err = run(*card(400, 700), fails=2)
+    assert "the search begins" in err
+    (task,) = searched
+    np.testing.assert_array_equal(task.wavelengths, np.arange(400.0, 701.0, 10.0))
+    np.testing.assert_allclose(task.ground, np.full(31, 0.7))
+    _, err = run(*card(500, 600), fails=2)
+    assert "card.csv: the ground: 500-600 nm" in err
+    _, err = run(*card(800, 900), fails=2)
+    assert "they do not meet; choose another spectrum" in err
 
 
 def test_an_unknown_strength_is_told_of_a_coat_that_has_the_paint(monkeypatch):

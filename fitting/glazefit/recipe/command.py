@@ -308,6 +308,7 @@ def recipe(
             console=console,
         )
         return
+    paints = _cut_to_ground(paints, base)
     # Films of an instrument that has no table yet are solved: some seconds.
     with progress.follow("solving films"):
         task = make_task(
@@ -410,6 +411,29 @@ def _modern(paints: "list[Pigment]") -> "list[Pigment]":
             f"--modern leaves no paint ({cautions}): name others, such as --catalogue acrylics"
         )
     return modern
+
+
+def _cut_to_ground(paints: "list[Pigment]", ground: options.Ground) -> "list[Pigment]":
+    """Paints at those bands of the first that all paints and the ground cover.
+
+    Raises:
+        ValueError: the ground covers too few for a colour; the message names its file.
+    """
+    if isinstance(ground.level, int | float):
+        return paints
+    from glazejax.colour import colour_weights
+    from glazejax.spectra import common_range, lie_between
+
+    grid = paints[0].wavelengths
+    grid = grid[lie_between(grid, *common_range(paint.wavelengths for paint in paints))]
+    shared = grid[lie_between(grid, *common_range([ground.level.wavelengths]))]
+    if not shared.size:
+        # Who does not meet whom is said where paints and ground are put on one grid.
+        return paints
+    if shared.size < grid.size:
+        with ground.blame():
+            colour_weights(shared)
+    return [paint.resample(shared) for paint in paints]
 
 
 def _read_lab(text: str, light: str) -> "Target":
