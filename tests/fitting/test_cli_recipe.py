@@ -7,9 +7,11 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from rich.console import Console
 
 from glazefit import colourchecker_targets
-from glazefit.recipe import command, recipe
+from glazefit.recipe import command, recipe, report
+from glazefit.recipe.task import make_task
 from glazefit.recover.predict import mixture, prediction
 from glazejax import Pigment
 from glazejax.commands import progress
@@ -221,3 +223,17 @@ def test_an_unknown_strength_is_told_of_a_coat_that_has_the_paint(monkeypatch):
     said = command._say_unknown_strength(best, task, "2")
     assert "strength of Red is unknown, which adds ΔE00 2.0" in said
     assert predicted == [({"Red": 0.5, "White": 0.5}, [pytest.approx(5e-6)])]
+
+
+@pytest.mark.parametrize(("lights", "told"), [(("D65",), True), (("D65", "A"), False)])
+def test_brackets_are_explained_where_there_are_some(monkeypatch, capsys, lights, told):
+    monkeypatch.setattr(report, "print_recipes", lambda *_: None)
+    target = colourchecker_targets(["red"])[0]
+    task = make_task([target], PALETTE, illuminants=lights)
+    best: Any = SimpleNamespace(
+        target=target, test_illuminant="A", delta_e=dict.fromkeys(task.illuminants, 0.5)
+    )
+    command._print([[best]], task, 1.0, Console(width=200), "")
+    said = capsys.readouterr().out
+    assert ("In brackets ΔE00 under A; per 10 %" in said) is told
+    assert ("Per 10 %" in said) is not told

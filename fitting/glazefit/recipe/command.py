@@ -515,7 +515,8 @@ def _print(
     from .report import print_best, print_recipes
 
     best = recipe_lists[0][0]
-    lead = f"In brackets ΔE00 under {best.test_illuminant}; per" if best.target.spectral else "Per"
+    tested = best.target.spectral and best.test_illuminant not in best.delta_e
+    lead = f"In brackets ΔE00 under {best.test_illuminant}; per" if tested else "Per"
     if len(recipe_lists) == 1:
         print_recipes(recipe_lists[0], console, view_options)
     else:
