@@ -1,4 +1,5 @@
 import json
+import shlex
 from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
@@ -30,7 +31,8 @@ from glazefit.recipe.targets import (
     srgb_target,
 )
 from glazefit.recipe.task import make_task
-from glazejax import catalogue, colour
+from glazejax import Glaze, Layer, catalogue, colour
+from glazejax.paint.describe import Coat
 
 from ..refusals import refusal
 from .palette import GRID, PALETTE
@@ -286,6 +288,26 @@ def at_distance(delta_e, limit):
     unset: dict[str, Any] = {field.name: None for field in fields(Recipe)}
     stated = {"target": lab_target((50, 90, 0), "pink"), "delta_e": {D65: delta_e}, "limit": limit}
     return Recipe(**unset | stated)
+
+
+def test_the_line_that_draws_a_recipe_may_be_pasted_into_a_shell(capsys):
+    recipe = replace(
+        at_distance(0.5, ""),
+        coats=(Coat(((1.0, "Painter's Red"),), 2e-6, 1),),
+        glaze=Glaze([Layer(PALETTE[2], 2e-6)], 0.9),
+        wavelengths=GRID,
+        lab={D65: np.array([50.0, 60.0, 0.0])},
+        observer=colour.CIE_1931,
+        test_illuminant="A",
+        sensitivity=(0.1,),
+        between_mixings=1.0,
+        gamut_distance=0.0,
+        converged=True,
+    )
+    print_recipes([recipe], Console(width=200), "--ground 0.5")
+    _, line = capsys.readouterr().out.split("See the first: ")
+    words = ["glazejax", "render", "--coats", "Painter's Red:2um", "--ground", "0.5"]
+    assert shlex.split(line) == words
 
 
 def test_a_target_out_of_reach_is_so_for_the_reason_of_its_nearest_recipe(capsys):

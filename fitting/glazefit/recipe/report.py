@@ -116,7 +116,9 @@ def print_recipes(recipes: Sequence[Recipe], console: Console, view_options: str
         text = f"Coat {number} of the first: {in_painters_terms(coat.thickness)}."
         console.print(Text(text, "dim"))
     _print_cautions(recipes, console)
-    line = " ".join(filter(None, (f"glazejax render --coats '{first.text}'", view_options)))
+    # A shell takes a quotation mark in a name for the end of the text unless it is set apart.
+    coats = first.text.replace("'", "'\\''")
+    line = " ".join(filter(None, (f"glazejax render --coats '{coats}'", view_options)))
     console.print(Text(f"See the first: {line}", "dim"), soft_wrap=True)
     mixed = first.mixed
     if mixed is not None:
