@@ -135,10 +135,21 @@ def test_what_is_poisonous_is_marked_and_parts_stand_beside_per_cent(capsys, tmp
     assert "% ZincWhite ! " not in said
     assert "! Minium: poisonous (lead), rarely sold (--modern" in " ".join(said.split())
     assert describe_coat(coat).replace("\u00a0", " ").endswith(f"({' : '.join(map(str, parts))})")
-    write_json([[recipe]], tmp_path / "r.json")
+    write_json([[recipe]], tmp_path / "r.json", overwrite=False)
     found = json.loads((tmp_path / "r.json").read_text())[0][0]
     assert list(found["coats"][0]["parts"].values()) == list(parts)
     assert found["cautions"] == recipe.cautions
+
+
+def test_a_file_that_came_to_be_during_the_search_is_kept(tmp_path):
+    """Whether a file exists is asked again when the recipes are written."""
+    path = tmp_path / "r.json"
+    path.write_text("mine")
+    with pytest.raises(FileExistsError, match=r"r\.json exists"):
+        write_json([], path, overwrite=False)
+    assert path.read_text() == "mine"
+    write_json([], path, overwrite=True)
+    assert json.loads(path.read_text()) == []
 
 
 def test_roundings_are_all_neighbours():

@@ -465,7 +465,7 @@ def _write(
     if csv := outputs["--csv"]:
         write_csv(recipe_lists, csv, overwrite=overwrite)
     if json := outputs["--json"]:
-        write_json(recipe_lists, json)
+        write_json(recipe_lists, json, overwrite=overwrite)
     if spectra := outputs["--spectra"]:
         write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
     if out := outputs["--out"]:

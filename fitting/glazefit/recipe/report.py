@@ -10,6 +10,7 @@ from rich.text import Text
 
 from glazejax import colour
 from glazejax.io import SpectraTable, write_spectra, write_table
+from glazejax.io.write import write_files
 from glazejax.paint.describe import Coat
 from glazejax.plots import hex_colour
 from glazejax.report import leave_out, plain_table, swatch
@@ -278,12 +279,11 @@ def write_csv(recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite
     write_table(path, CSV_COLUMNS, rows, overwrite=overwrite)
 
 
-def write_json(recipe_lists: Sequence[Sequence[Recipe]], path: Path) -> None:
+def write_json(recipe_lists: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool) -> None:
     """Write all there is on all recipes, with spectra."""
-    path.write_text(
-        json.dumps([[_plain(recipe) for recipe in recipes] for recipes in recipe_lists], indent=1)
-        + "\n"
-    )
+    plain = [[_plain(recipe) for recipe in recipes] for recipes in recipe_lists]
+    text = f"{json.dumps(plain, indent=1)}\n"
+    write_files({path: [text.encode()]}, overwrite=overwrite)
 
 
 def _plain(recipe: Recipe) -> dict:
