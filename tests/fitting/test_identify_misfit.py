@@ -189,3 +189,10 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     far = {**fits[0], "misfit": 2 * usual.nine_tenths}
     further = {**filed, "spots": [{**spot, "explanations": [far, *fits[1:]]}]}
     assert "further than is usual" in html(further)
+
+
+def test_a_page_by_family_of_an_interrupted_run_says_what_is_missing(found):
+    filed = make_record(found, ABOUT, ("red", "grey", "blue"), 5)
+    words = Parsed(html(filed)).words[""]
+    assert "Interrupted. 2 of 3 spots were finished. Not done: blue." in words
+    assert words.index("Interrupted") < words.index("Summary")
