@@ -350,6 +350,12 @@ def test_evidence_is_sometimes_worthless():
     assert shares[0, 2] == 0.0
 
 
+def test_something_is_left_for_the_nearest_set():
+    """However improbable all are; 1 - 1e-17 is 1."""
+    none = Sureness().none(np.array([[-900.0, -950.0]]), np.zeros(1), 0.1)[0]
+    assert 1.0 - 1e-8 < none < 1.0
+
+
 def test_few_known_exemplars_are_refused(found_search):
     """Of sources that leave most of the exemplars, each sought without its own."""
     readings, rows = calibration.exemplars_as_readings(found_search)

@@ -20,7 +20,7 @@ from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.show.explanation import explanations
 from glazefit.identify.show.page import fits_to_draw, plot_axes
 from glazefit.identify.show.record import make_record, table_of_record
-from glazefit.identify.show.terminal import write_residuals
+from glazefit.identify.show.terminal import report_families, write_residuals
 from glazejax import Pigment
 
 from .tables import read_rows
@@ -196,3 +196,27 @@ def test_a_page_by_family_of_an_interrupted_run_says_what_is_missing(found):
     words = Parsed(html(filed)).words[""]
     assert "Interrupted. 2 of 3 spots were finished. Not done: blue." in words
     assert words.index("Interrupted") < words.index("Summary")
+
+
+def test_the_nearest_answer_is_named_however_improbable_it_is(shelf):
+    """A spectrum like no paint had no answer, no row in a table, and no page."""
+    step = np.where(GRID < 560.0, 0.9, 0.02)
+    names = ("step", "red")
+    unlike = identify(
+        GRID, np.stack([step, RED]), shelf, opaque=True, names=names, instrument="45:0", keep=40
+    )
+    assert 0.999 < unlike.none[0] < 1.0
+    (answer,) = unlike.family_sets[0]
+    assert answer.probability < 1e-3
+    (headline,) = (line for line in report_families(unlike, 5, None) if "step: " in line)
+    assert headline.endswith(f"the nearest pigment is {answer.words}")
+    filed = make_record(unlike, ABOUT, names, 5)
+    for _, rows in (table_of(unlike), table_of_record(filed)):
+        assert {row[0] for row in rows} == {*names}
+    # With its film, and where that was not kept.
+    bare = {**filed, "spots": [{**spot, "explanations": []} for spot in filed["spots"]]}
+    for each, count in ((filed, 2), (bare, 0)):
+        page = Parsed(html(each))
+        assert len(plots(page)) == count
+        (row,) = (cells for cells in page.rows if cells[0] == "step")
+        assert "like none that is known; nearest" in row[2]

@@ -20,13 +20,14 @@ DISTINGUISHED = 0.8
 """Share of a group's probability from which one family of it is named."""
 LARGEST = 4
 """Families of a group that are named with it."""
-# Share of an answer's probability below which a set's families are not counted in it.
+# Probability from which an answer is listed, and share of an answer's from which a set's families
+# are counted in it.
 _SMALL = 1e-3
 
 
 def name_sets(search: FamilySearch, probabilities: Float[np.ndarray, "sets"]) -> list[FamilySet]:
     """Answers of one spectrum, best first: sets of the same colours, or of the same groups where
-    there is no colour, are one.
+    there is no colour, are one. The nearest is an answer however improbable it is.
 
     Args:
         search: that the probabilities are from.
@@ -39,11 +40,9 @@ def name_sets(search: FamilySearch, probabilities: Float[np.ndarray, "sets"]) ->
     ):
         sets_of[answer].append((chance, names))
         totals[answer] += chance
-    return [
-        _answer(sets_of[answer], totals[answer])
-        for answer in sorted(totals, key=lambda answer: -totals[answer])
-        if totals[answer] >= _SMALL
-    ]
+    ranked = sorted(totals, key=lambda answer: -totals[answer])
+    probable = [answer for answer in ranked if totals[answer] >= _SMALL]
+    return [_answer(sets_of[answer], totals[answer]) for answer in probable or ranked[:1]]
 
 
 def _answer(sets: Sequence[tuple[float, list[str]]], total: float) -> FamilySet:

@@ -24,6 +24,8 @@ PerSet: TypeAlias = Float[np.ndarray, "spectra sets"]
 """A number for each of these sets, of each spectrum."""
 # Log evidence of a reading that no set may explain.
 _NOTHING = -700.0
+# Probability of none at most: what is left for the sets says which of them is nearest.
+_SUREST = 1.0 - 1e-9
 WORTHLESS = 0.01
 """Share of readings whose evidence says nothing of their family."""
 
@@ -67,7 +69,7 @@ class Sureness:
             unknown: the prior of the same.
         """
         log_odds = log_densities(log_sets, any_paint) @ np.array(self.slopes) + self.intercept
-        return np.asarray(expit(logit(unknown) - log_odds))
+        return np.minimum(np.asarray(expit(logit(unknown) - log_odds)), _SUREST)
 
 
 def log_densities(log_sets: PerSet, any_paint: PerSpectrum) -> Float[np.ndarray, "spectra 2"]:

@@ -152,8 +152,8 @@ class Identification(Tabulated):
         condition: under which each was searched, a number of
             `search.unstated_conditions.CONDITIONS`; 0 is as stated.
         opaque: whether the films were said to hide their ground.
-        family_sets: of each spectrum, sets of pigment families, best first, where families were
-            searched; empty where paints were.
+        family_sets: of each spectrum, sets of pigment families, best first and at least one, where
+            families were searched; empty where paints were.
         paint_families: of each paint, its family; empty where paints were searched.
         coats_odds: of each spectrum, how the paints of the best sets may lie, most probable set
             first; empty where one coat alone was tried.
@@ -457,15 +457,13 @@ class Identification(Tabulated):
 
     def unexplained(self, row: int) -> str:
         """Say why nothing explains a spectrum."""
-        best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
         if self.family_sets:
-            nearest = self.family_sets[row][0].words if self.family_sets[row] else best.mixture
             if self.none[row] < 0.5:
                 start = "this looks unlike nearly all paints of the families that are known"
             return (
                 f"{start} (probability that it is none of them {self.none[row]:.0%}); the nearest "
-                f"pigment is {nearest}"
+                f"pigment is {self.family_sets[row][0].words}"
             )
         # The nearest in colour of the five that a table shows as a rule; without colours by RMSE.
         shown = self.ranked(row, 5)

@@ -100,7 +100,8 @@ def plot_axes(record: Record, spot: Record) -> dict[str, Any]:
     grid = np.asarray(record["measurement"]["wavelengths_nm"])
     measured = np.asarray(spot["measured"])
     fits = fits_to_draw(spot["explanations"])
-    fitted = np.array([fit["fitted"] for fit in fits], dtype=float)
+    # Of an improbable answer no film may have been kept.
+    fitted = np.array([fit["fitted"] for fit in fits], dtype=float).reshape(-1, *measured.shape)
     residuals = measured - fitted
     usual = np.array(spot.get("usual_band") or 0.0, dtype=float)
     high = np.nanmax([*fitted.ravel(), *measured.ravel(), *(measured + usual).ravel()])

@@ -63,10 +63,10 @@ def report_families(
             yield f"{name}: {sets[0].words}, {identification.stated_words(row)}"
         else:
             yield f"{name}: {identification.unexplained(row)}"
-        for family in facts_of(sets[0].families if sets else ()):
+        for family in facts_of(sets[0].families):
             facts = (family.formula, family.colour_index, f"in use {family.in_use}")
             yield f"  {family.name}: {', '.join(f for f in facts if f != '-')}"
-        if sets and (sentence := describe_anachronism(sets[0].families, painted)):
+        if sentence := describe_anachronism(sets[0].families, painted):
             yield f"  {sentence}"
         # Below half a per cent an answer is none that anybody would look into.
         alternatives = [
@@ -88,7 +88,7 @@ def report_families(
                 "instrument that read it, such as --instrument de:8 or 45:0"
             )
         near = dict.fromkeys(paint for c in identification.ranked(row, top) for paint in c.paints)
-        if own_names := _own_references(near, sets[0] if sets else None):
+        if own_names := _own_references(near, sets[0]):
             yield f"  nearest reference: {', '.join(own_names)}"
         yield Text(f"  nearest exemplars: {', '.join(list(near)[:top])}", "dim")
     if identification.explained.any():
@@ -100,12 +100,10 @@ def report_families(
         )
 
 
-def _own_references(near: Iterable[str], answer: FamilySet | None) -> list[str]:
+def _own_references(near: Iterable[str], answer: FamilySet) -> list[str]:
     """Of the nearest paints, those of the user's own that are of an answer's families: names that
     the catalogue does not have.
     """
-    if answer is None:
-        return []
     families = {family for name in answer.families for family in answer.shares(name)}
     own_paints = (paint.partition("/") for paint in near if paint not in catalogue.provenance())
     return [name for family, _, name in own_paints if family in families]

@@ -131,8 +131,6 @@ class FamilySearcher:
     def _fill(self, answers: Answers, identification: Identification, row: int) -> None:
         """Write the first answer of one spectrum, and how probable each family is."""
         sets = identification.family_sets[row]
-        if not sets:
-            return
         for answer in sets:
             for name in answer.families:
                 shares = answer.shares(name)
