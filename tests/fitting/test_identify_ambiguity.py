@@ -11,6 +11,7 @@ from rich.console import Console
 
 from glazefit import Noise
 from glazefit.identify.result import STRENGTH, Identification, percent
+from glazefit.identify.result.table import table_of
 from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.search.unstated_conditions import CONDITIONS
 from glazefit.identify.show.ambiguity import (
@@ -266,6 +267,19 @@ def test_what_is_not_explained_and_has_no_colour_says_how_far_it_is_off():
 def test_a_film_that_hides_its_ground_has_no_thickness_in_the_table():
     found = replace(answer(FIRST), amounts=np.full((1, 1, 3), np.nan))
     assert "nan" not in text_of(found, 1)
+
+
+def test_the_table_says_how_each_film_lies():
+    """Films that differ in that alone were one line twice, and an unknown thickness was `nan`."""
+    hiding = next(n for n, condition in enumerate(CONDITIONS) if condition.opaque)
+    lying = [film(0.1, condition, CobaltBlue=1.0) for condition in (1, hiding)]
+    titles, rows = table_of(answer(FIRST, *lying))
+    stated, varnished, hidden = (dict(zip(titles, row, strict=True)) for row in rows)
+    assert stated["condition"] == ""
+    assert varnished["condition"] == "under a yellowed varnish"
+    assert hidden["condition"] == "hiding its ground"
+    assert varnished["thickness_um"] == pytest.approx(25.0)
+    assert hidden["thickness_um"] is hidden["thickness_sd_um"] is None
 
 
 @pytest.mark.parametrize(

@@ -289,7 +289,8 @@ class Identification(Tabulated):
 
     def to_dataframe(self, top: int | None = None) -> Any:
         """A pandas.DataFrame with a row for each explanation of each spectrum, most probable first;
-        thicknesses in micrometres.
+        thicknesses in micrometres, and how a film lies if not bare over its stated ground in
+        ``condition``.
 
         Args:
             top: explanations of a spectrum, at most; by default all.

@@ -20,6 +20,7 @@ COLUMNS = (
     "spectral_angle_deg",
     "delta_e_2000",
     "gloss",
+    "condition",
     *_OF_SPECTRUM,
 )
 FAMILY_COLUMNS = (
@@ -65,16 +66,19 @@ def _cells(identification: Any, row: int, top: int | None) -> TableRows:
             candidate.paints, candidate.fractions, candidate.fractions_sd, coats, strict=True
         )
         paints: list[object] = [*chain.from_iterable(columns)]
+        # A film that hides its ground has no thickness to state.
+        hidden = identification.opaque or np.isnan(candidate.thickness)
         thick = [candidate.thickness * 1e6, candidate.thickness_sd * 1e6]
         yield [
             candidate.probability,
             *paints,
             *[None] * (12 - len(paints)),
-            *([None, None] if identification.opaque else thick),
+            *([None, None] if hidden else thick),
             candidate.rmse,
             candidate.angle,
             None if np.isnan(candidate.delta_e) else candidate.delta_e,
             candidate.gloss,
+            candidate.condition,
         ]
 
 
