@@ -134,6 +134,21 @@ def test_pigments_are_asked_unless_another_catalogue_is_named(tmp_path, no_searc
     assert counts == [everything, len(catalogue.load("oils")), azurites, everything - azurites]
 
 
+def test_answers_are_of_as_many_candidates_whatever_is_shown(tmp_path, monkeypatch):
+    """Pigments have the sum of the candidates that are kept: more of them with a report."""
+    kept = []
+
+    def answer(wavelengths, spectra, paints, options, **named):
+        kept.append(options.keep)
+        raise KeyError("reached")
+
+    monkeypatch.setattr(identify, "identify_chunks", answer)
+    file = flat(tmp_path / "grey.csv")
+    for words in ("", "--top 1", "--top 20", f"--report {tmp_path / 'answer.html'}", "--top 50"):
+        run(file, "--opaque", "--catalogue", "oils", *words.split())
+    assert kept == [40, 40, 40, 40, 50]
+
+
 def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
     ground = flat(tmp_path / "ground.csv", 0.8, np.arange(390, 721, 10))
     words = []

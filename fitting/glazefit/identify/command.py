@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 # Spectra from which on a map is the better way.
 _MANY = 2000
+# Candidates that are kept of each spectrum, however many are shown: the probability of pigments is
+# the sum of theirs, and a report judges by them how near each paint comes.
+_KEPT = 40
 # Options that name files to write.
 _OUTPUTS = ("csv", "residuals", "out", "report")
 
@@ -223,8 +226,7 @@ def _identify(
     search_options = IdentificationOptions(
         **search.keywords,
         noise=Noise(typed["noise"], typed["noise_share"]),
-        # A report judges by 40 candidates how near each paint comes.
-        keep=max(top, 5 if report is None else 40),
+        keep=max(top, _KEPT),
         **{name: typed[name] for name in ("max_coats", "thorough", "own_films", "varnish")},
     )
     chunks = identify_chunks(
