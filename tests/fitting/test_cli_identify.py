@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazefit import read_films, simulate_films
+from glazefit import ModelError, read_films, simulate_films
 from glazefit.identify import command, identify
 from glazefit.identify.result.in_tests import came_true
 from glazejax import catalogue
 from glazejax.io import write_table
-from tests.commands import invoke, succeed
+from tests.commands import commands, invoke, succeed
 
 from .palette import optical_depths
 from .tables import read_rows, write_films
@@ -75,6 +75,13 @@ def test_wrong_options_are_one_error_before_anything_is_computed(arguments, comp
     result = run(*arguments.split())
     assert isinstance(result.exception, ValueError | FileNotFoundError)
     assert complaint in str(result.exception)
+
+
+def test_the_help_states_the_model_s_usual_error():
+    (error,) = (one for one in commands()["identify"].params if one.name == "model_error")
+    assert "a hundredth of the reflectance" in error.help
+    assert ModelError.share == 0.01
+    assert error.help.endswith(f"Default: {ModelError.amplitude:g}.")
 
 
 def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):

@@ -167,7 +167,8 @@ ModelError = Annotated[
     float | None,
     option(
         callback=between(0.0, 1.0),
-        help="Standard deviation of the model's error in reflectance (0 to 1). Default: 0.005.",
+        help="Standard deviation of the model's error at a reflectance of 0; a hundredth of the "
+        "reflectance is added. Default: 0.001.",
     ),
 ]
 Pigments = Annotated[
