@@ -156,6 +156,21 @@ def test_answers_are_of_as_many_candidates_whatever_is_shown(tmp_path, monkeypat
     assert kept == [40, 40, 40, 40, 50]
 
 
+@pytest.mark.usefixtures("no_search")
+def test_what_families_make_nothing_of_is_said(tmp_path):
+    """Once, and where it was asked for alone."""
+    file = flat(tmp_path / "grey.csv")
+    words = "--noise 0.01 --model-error 0.02 --thickness 40um --thorough"
+
+    def said(*more):
+        return one_line(run(file, "--opaque", *more))
+
+    note = "no effect on families of pigments"
+    assert f"--noise, --model-error, --thickness, --thorough: {note}" in said(*words.split())
+    assert note not in said()
+    assert note not in said("--catalogue", "oils", *words.split())
+
+
 def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path, no_search):
     ground = flat(tmp_path / "ground.csv", 0.8, np.arange(390, 721, 10))
     words = []

@@ -3,6 +3,7 @@ probabilities out.
 """
 
 from collections.abc import Mapping
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -30,6 +31,8 @@ _MANY = 2000
 # Candidates that are kept of each spectrum, however many are shown: the probability of pigments is
 # the sum of theirs, and a report judges by them how near each paint comes.
 _KEPT = 40
+# Options of films of known paints, of which a search by family makes nothing.
+_OF_PAINTS = ("noise", "noise_share", "model_error", "thickness", "thorough")
 # Options that name files to write.
 _OUTPUTS = ("csv", "residuals", "out", "report")
 
@@ -142,7 +145,8 @@ def identify(
     --catalogue oils or acrylics, or your own --pigments, searches the paints
     of that one maker instead, with fractions and thickness, on the scale of
     the catalogue (its oils: typical films of 25 micrometres). Films over two
-    cards are searched in both.
+    cards are searched in both. --noise, --noise-share, --model-error,
+    --thickness and --thorough count where paints are searched, not pigments.
 
     Example: glazejax identify spectra.csv --opaque --instrument 45:0
     """
@@ -216,6 +220,12 @@ def _identify(
 
     top, report, opaque = typed["top"], typed["report"], typed["opaque"]
     search = facts.read_search(typed, console)
+    if search.by_family:
+        usual = signature(identify).parameters
+        unused = [option(name) for name in _OF_PAINTS if typed[name] != usual[name].default]
+        if unused:
+            note = "no effect on families of pigments, only on paints (--catalogue oils)"
+            progress.print_notes(console, ", ".join(unused), (note,))
     paints = search.paints
     inputs = input_files(read) if report is not None else []
     task = _choose_spectra(typed, measured, search, console)

@@ -68,7 +68,9 @@ Opaque = Annotated[
 MaxPaints = Annotated[
     int,
     typer.Option(
-        callback=options.between(1, 3), help="Largest number of paints in a film: 1, 2 or 3."
+        callback=options.between(1, 3),
+        help="Largest number of paints in a film: 1, 2 or 3; families are searched alone and in "
+        "pairs.",
     ),
 ]
 InstrumentName = Annotated[str | None, options.instrument_option(GEOMETRY)]
