@@ -78,7 +78,8 @@ def identify(
         typer.Option(
             callback=options.between(1, 3),
             help="Largest number of coats: 2 decides whether two paints were mixed or laid one "
-            "over the other, 3 does so for three (some ten seconds a spectrum).",
+            "over the other, 3 does so for three (some ten seconds a spectrum). No set has more "
+            "paints than --max-paints.",
         ),
     ] = 1,
     own_films: Annotated[
