@@ -13,6 +13,7 @@ from glazefit.film.model.response import film_response
 from glazefit.identify.result import Identification
 from glazefit.identify.search.options import IdentificationOptions
 from glazefit.identify.search.searcher import Searcher, check_spectra
+from glazefit.identify.search.unstated_conditions import CONDITIONS
 from glazefit.identify.show.bands import expected_bands
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from tests.fitting.answers import made_up
@@ -121,6 +122,16 @@ def test_bands_hold_the_errors_that_are_stated():
     assert mean(amplitude=0.05) > 2 * usual
     # Quantiles of Student's t at .95: 2.015 for 5, 2.132 for 4.
     assert mean(freedom=4.0) == pytest.approx(usual * 2.1318468 / 2.0150484)
+
+
+def test_bands_about_a_film_over_another_ground_are_of_that_ground():
+    stated = explained(film(5e-6)[None])
+    dark = next(n for n, condition in enumerate(CONDITIONS) if condition.ground == 0.04)
+    below = np.full_like(stated.measured.grounds, 0.04)
+    over_dark = replace(stated, measured=replace(stated.measured, grounds=below))
+    band = bands(replace(stated, condition=np.array([[dark]])), ModelError())
+    assert_allclose(band, bands(over_dark, ModelError()), rtol=1e-6)
+    assert np.abs(band / bands(stated, ModelError()) - 1.0).max() > 0.1
 
 
 def test_bands_of_many_spectra_are_those_of_each():

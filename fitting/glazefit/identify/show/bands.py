@@ -6,6 +6,8 @@ fit of the amounts and of the surface's share takes part of that away. What is l
 measured and fitted spectra differ where an explanation is right and the errors are as stated.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import t
@@ -19,6 +21,7 @@ from ..search.candidates import CHUNK
 from ..search.pool import NOBODY
 from ..search.refine import paints_covariance, slopes_at, slopes_by_amount
 from ..search.task import Chunk, IdentificationTask, diagonal_covariance
+from ..search.unstated_conditions import CONDITIONS
 from .explanation import FITS
 
 
@@ -26,7 +29,8 @@ def expected_bands(
     identification: Identification, task: IdentificationTask
 ) -> Float[np.ndarray, "spectra candidates grounds bands"]:
     """Half the width of the 90 % band of the readings about the most probable explanations,
-    (spectra, candidates, ...): those that are drawn.
+    (spectra, candidates, ...): those that are drawn. Of a film under a varnish, that of the film
+    without it.
 
     A whole spectrum's misfit follows Student's t, and so does the band.
 
@@ -77,10 +81,15 @@ def _slopes(
         logs = np.log(identification.amounts[:, :FITS] / task.prior.thickness)
     sets = identification.members[:, :FITS]
     coats = identification.coats[:, :FITS]
+    # Films of one coat by the table, each over the ground that it was searched over.
     row = np.repeat(np.arange(len(identification)), sets.shape[1])
-    # Films of one coat by the table.
-    chunk = Chunk(task, identification.measured)
-    slopes = slopes_at(chunk, sets.reshape(len(row), -1), logs.reshape(len(row), -1), row)
+    measured = identification.measured.take(row)
+    levels = np.array([condition.ground for condition in CONDITIONS], dtype=float)
+    level = levels[identification.condition[:, :FITS]].reshape(-1, 1, 1)
+    grounds = np.where(np.isnan(level), measured.grounds, level)
+    chunk = Chunk(task, replace(measured, grounds=grounds))
+    films = np.arange(len(row))
+    slopes = slopes_at(chunk, sets.reshape(len(row), -1), logs.reshape(len(row), -1), films)
     slopes = np.array(slopes).reshape(*sets.shape[:2], *slopes.shape[1:])
     # Films of two coats by the solver, in the places of their paints.
     for spectrum, candidate in np.argwhere((coats > 0).any(axis=-1)):
