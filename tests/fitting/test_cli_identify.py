@@ -225,6 +225,16 @@ def test_films_of_a_pipe_are_read_once_and_with_the_specular_component(table, mo
         np.testing.assert_allclose(films.over_white, read.over_white + 0.04, atol=1e-6)
 
 
+def test_references_are_read_by_the_search_for_families_alone(table, monkeypatch):
+    """Of two searches that films over cards have; a report lists the files that its search read."""
+    files = []
+    monkeypatch.setattr(
+        command, "_identify", lambda typed, films, read, *_: files.append(read["--references"])
+    )
+    find(table, "--references", table)
+    assert files == [table, None]
+
+
 @pytest.mark.slow
 def test_films_over_cards_are_asked_for_pigments_and_for_films(table, tmp_path):
     """Families from the white card's readings, films from both cards, each in files of its own."""

@@ -203,7 +203,8 @@ def identify(
         options.check_outputs(_outputs(second), overwrite, inputs=list(read.values()))
         searches.append(second)
     for search in searches:
-        _identify(search, measured, read, subject, console)
+        files = {**read, "--references": search["references"]}
+        _identify(search, measured, files, subject, console)
 
 
 def _identify(
