@@ -30,6 +30,15 @@ def test_a_wide_range_is_averaged_to_some_hundred_bands():
     assert searcher.averaged[0].task.wavelengths.size == 101
 
 
+def test_bands_within_one_step_are_searched_as_they_are():
+    """The line between means was not a number where there was one mean."""
+    grid = np.array([550.0, 551.0, 552.0])
+    paints = [catalogue.pigment(name).resample(grid) for name in NAMES[:2]]
+    answer = identify(grid, np.full(3, 0.4), paints, ground=0.9, max_paints=1)
+    assert np.isfinite(answer.fitted).all()
+    assert np.isfinite(answer.probability).all()
+
+
 def find(bands, **options):
     """Films of two paints that were read at so many bands, with as much noise in all."""
     grid, paints = _paints(bands)

@@ -106,7 +106,8 @@ class Searcher(NamedTuple):
         averaged = None
         step = max(SEARCHED, float(np.ptp(grid)) / _MOST_BANDS)
         mean = means_of_steps(grid, step)
-        if mean is not None:
+        # Fits at one mean alone say nothing of the bands.
+        if mean is not None and mean.shape[1] > 1:
             averaged = cls.of(grid @ mean, pigments, options, opaque=opaque), step
         return cls(
             tasks={False: showing, True: hiding, None: hiding if opaque else showing},
