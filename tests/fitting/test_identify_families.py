@@ -457,6 +457,25 @@ def test_answers_do_not_depend_on_what_was_searched_before(others, monkeypatch):
     assert chances([1, 0], hidden_before=True)[::-1] == pytest.approx(first, rel=1e-9, abs=0.0)
 
 
+def test_the_thickness_of_a_film_is_that_which_its_spectrum_was_computed_with(others):
+    """It was stated in coats of another usual thickness than films are computed in."""
+    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
+    ground = np.full(GRID.size, 0.85)
+    options = IdentificationOptions(instrument="45:0", max_paints=1)
+    search = set_up.prepare_search(GRID, few, options, ground)
+    films = search.templates
+    row = int(np.flatnonzero(films.thickness == 1.2)[0])
+    answer = identify(
+        GRID, films.readings[row], few, ground=ground, instrument="45:0", max_paints=1
+    )
+    best = answer.ranked(0, 1)[0]
+    paint = few[films.members[row, 0]]
+    assert best.paints == (paint.name,)
+    absorption, scattering = best.thickness * templates.coefficients([paint], GRID)
+    body = templates.coat_body(film_response("45:0"), absorption, scattering, ground)
+    assert body[0] == pytest.approx(films.readings[row], rel=1e-5)
+
+
 # ---- varnish -------------------------------------------------------------------------------------
 
 

@@ -22,7 +22,6 @@ from .evidence import log_odds_of_elements
 from .naming import name_sets
 from .search import FamilySearch
 from .set_up import prepare_search
-from .templates import usual_coat
 
 # Spectra that are answered together, so that progress can be shown.
 _CHUNK = 256
@@ -95,7 +94,7 @@ def _identification(
     members = np.insert(pair, 2, NOBODY, axis=-1)
     # A film that hides its ground is of no thickness: shown as a usual coat.
     coat = templates.thickness[template]
-    depth = usual_coat(search.exemplars) * np.where(np.isinf(coat), 1.0, coat)
+    depth = search.usual_coat * np.where(np.isinf(coat), 1.0, coat)
     share = np.where(present[..., 1], odds.fraction[at], 1.0)
     shares = np.stack([share, 1.0 - share, np.zeros(shape)], axis=-1)
     # Half of the variance of the log odds of the fractions to each log amount.

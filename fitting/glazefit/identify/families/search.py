@@ -114,6 +114,7 @@ class FamilySearch:
         bands: of the readings, at which they are compared with films.
         metrics: of each view of a spectrum.
         templates: films of all exemplars and of their mixtures.
+        usual_coat: unit of their thicknesses, m.
         points: of the templates in each metric (`metric.as_columns`).
         colours: of the templates; None where the bands do not hold the visible.
         set_of: number of each template's set of families, ascending.
@@ -132,6 +133,7 @@ class FamilySearch:
     bands: Bool[np.ndarray, "bands"]
     metrics: tuple[Metric, ...]
     templates: Templates
+    usual_coat: float
     points: tuple[Float[np.ndarray, "components+2 templates"], ...]
     colours: Float[np.ndarray, "templates 3"] | None
     set_of: Int[np.ndarray, "templates"]

@@ -32,6 +32,7 @@ from .templates import (
     coefficients,
     mixed_templates,
     pure_templates,
+    usual_coat,
     with_stand_ins,
 )
 from .varnish import CONDITIONS
@@ -192,6 +193,7 @@ def search_families(
         bands=bands,
         metrics=metrics,
         templates=templates,
+        usual_coat=usual_coat(k_and_s),
         points=tuple(as_columns(np.concatenate(points)) for points in zip(*chunks, strict=True)),
         colours=colours(grid, templates.readings),
         set_of=set_of,

@@ -54,7 +54,7 @@ class Templates(Columns):
     Attributes:
         members: exemplars of each by number, -1 for none, (templates, 2).
         fractions: by mass, (templates, 2).
-        thickness: of usual ones; infinite for a film that hides its ground.
+        thickness: of usual ones (`usual_coat`); infinite for a film that hides its ground.
         readings: without the outer surface's part, (templates, bands).
     """
 
@@ -117,12 +117,11 @@ def with_stand_ins(k_and_s: Coefficients, family_of: PerExemplar) -> Coefficient
     return np.exp(np.stack([ratio + scattering, scattering]))
 
 
-def usual_coat(pigments: Sequence[Pigment]) -> float:
-    """Thickness at which the median exemplar scatters twice on the way through, each by its median
-    over the bands, m.
+def usual_coat(coefficients: Coefficients) -> float:
+    """Thickness at which the median of all exemplars and bands scatters twice on the way through,
+    m.
     """
-    scattering = [np.median(np.asarray(pigment.scattering)) for pigment in pigments]
-    return float(2.0 / np.median(scattering))
+    return float(2.0 / np.median(coefficients[1]))
 
 
 def most_films(exemplars: int, families: int, *, opaque: bool, mixed: bool) -> int:
@@ -208,8 +207,7 @@ def _over(
     levels: Sequence[float],
 ) -> Templates:
     """Films of these mixtures at some thicknesses, in usual ones."""
-    # The median of all scatters twice on the way through.
-    usual = float(2.0 / np.median(coefficients[1]))
+    usual = usual_coat(coefficients)
     below = LIGHT_GROUND if ground is None else ground
     # Coefficients add by mass.
     k, s = (np.einsum("fm,fmb->fb", fractions, values[members]) for values in coefficients)
