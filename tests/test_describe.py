@@ -104,6 +104,12 @@ def test_an_exact_name_wins_over_a_similar_one():
     assert find_name("zincwhite", ["ZincWhite", "zincwhite"]) == "zincwhite"
 
 
+def test_of_similar_names_the_last_one_is_meant():
+    """Own paints stand behind the catalogue's."""
+    assert find_name("cobalt blue", ["CobaltBlue", "Cobalt Blue"]) == "Cobalt Blue"
+    assert find_name("CobaltBlue", ["CobaltBlue", "Cobalt Blue"]) == "CobaltBlue"
+
+
 def test_media_are_made_from_the_shelf():
     w = [400.0, 500.0]
     shelf = {n: Pigment(n, w, [k, k], [1.0, 1.0]) for n, k in (("A", 1.0), ("B", 3.0))}

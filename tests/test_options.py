@@ -230,6 +230,12 @@ def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
     assert float(theirs[0].absorption[0]) != 1
 
 
+def test_a_loosely_typed_name_is_that_of_an_own_paint(tmp_path):
+    both = options.read_shelf(own_paints(tmp_path, "Cobalt Blue"), "oils")
+    assert list(options.find_paints(["cobalt blue"], both)) == ["Cobalt Blue"]
+    assert list(options.find_paints(["CobaltBlue"], both)) == ["CobaltBlue"]
+
+
 def test_no_two_options_write_one_file(here):
     options.check_outputs({"--out": Path("a.png"), "--csv": None, "--json": Path("b")}, False)
     with refusal(r"--csv and --out are both a\.png, the same file"):

@@ -195,7 +195,8 @@ ALL_NAMES = "`glazejax render --list` shows all names"
 
 def find_name(name: str, names: Iterable[str]) -> str:
     """The one of `names` that is meant; case, blanks, hyphens and underscores do not matter, and
-    the catalogue of a paint stands before a colon or a stroke.
+    the catalogue of a paint stands before a colon or a stroke. Of several that differ in these
+    alone the last is taken: one's own paints stand behind the catalogue's.
 
     Raises:
         ValueError: none of them; the message lists the nearest.
@@ -204,7 +205,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     for full in names:
         if full == name:
             return full
-        full_names.setdefault(_plain(full), full)
+        full_names[_plain(full)] = full
     key = _plain(name)
     if key in full_names:
         return full_names[key]
