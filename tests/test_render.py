@@ -173,6 +173,23 @@ def test_a_stack_is_written_and_drawn(run, tmp_path):
     assert "a file that is read" in err
 
 
+def test_own_paints_come_before_those_of_a_stack(run, tmp_path):
+    """The studio's file says CobaltBlue, and one's own paint of that name is drawn."""
+    own = tmp_path / "own.csv"
+    rows = [f"CobaltBlue,{w:g},{1e5 if w < 600 else 1e2},1e3,1,1,True" for w in W]
+    own.write_text("\n".join([HEADER, *rows]))
+    (tmp_path / "stack.json").write_text(
+        '{"glazejax": "stack", "ground": 0.9, "geometry": "0:0", '
+        '"coats": [{"paint": {"CobaltBlue": 1}, "um": 5}]}'
+    )
+    coats, _ = run("--coats", "CobaltBlue:5um", pigments=own)
+    stack, _ = run("--stack", "stack.json", "--overwrite", pigments=own)
+    hexes = [re.findall(r"#[0-9a-f]{6}", out)[0] for out in (coats, stack)]
+    assert hexes[0] == hexes[1]
+    _, err = run("--stack", "stack.json", "--catalogue", "oils", fails=2)
+    assert err == "error: --stack stack.json says which paints it has: leave out --catalogue\n"
+
+
 def test_a_paint_of_another_catalogue_has_the_studios_name_in_a_stack(run, tmp_path):
     coats = "acrylics:TitaniumWhite:9um, CobaltBlue:2um"
     out, _ = run("--coats", coats, "--write-stack", "two.json", pigments=None)

@@ -103,6 +103,8 @@ def render(
         return
     if coats is not None and stack is not None:
         raise ValueError(f"--stack {stack} says what the coats are: leave out --coats")
+    if catalogue is not None and stack is not None:
+        raise ValueError(f"--stack {stack} says which paints it has: leave out --catalogue")
     if coats is None and stack is None:
         raise ValueError(
             'give the coats, such as --coats "UltramarineBlue:12um,Vermillion:12um"; --list '
@@ -119,6 +121,7 @@ def render(
     # One program, which runs once.
     start_jax(optimisation=0)
     from ..colour import find_illuminant, find_observer
+    from ..paint.pigment_table import read_pigments
     from ..stacks import Stack, paints
 
     given = (
@@ -131,9 +134,11 @@ def render(
     seen_by = options.read_geometry(instrument, given.instrument)
     illuminant = find_illuminant(illuminant)
     observer = find_observer(observer)
-    shelf = _shelf(pigments, catalogue, [name for coat in given.shown for _, name in coat.parts])
-    if stack is not None:
-        shelf = {**shelf, **paints(given)}
+    if stack is None:
+        named = [name for coat in given.shown for _, name in coat.parts]
+        shelf = _shelf(pigments, catalogue, named)
+    else:
+        shelf = {**paints(given), **({} if pigments is None else read_pigments(pigments))}
     described = name_paints(given.shown, shelf)
     repeated = _ladder_layer(described, ladder)
     below = _ground_of(given) if ground is None else options.read_ground(ground)
