@@ -238,6 +238,19 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
         ),
         ((*STACK, "--csv", "a.png", "--out", "a.png"), "--csv and --out are both a.png"),
         ((*STACK, "--tolerance", "0"), "--tolerance is 0"),
+        (
+            (
+                "--coats",
+                "0.2*Red+0.2*DeepBlue+0.2*Eosin+0.2*Minium+0.2*ZincWhite:1um",
+                "--write-stack",
+                "s.json",
+            ),
+            "--write-stack: a coat is of 5 paints, and a stack's file holds 4 at most",
+        ),
+        (
+            ("--coats", ",".join(["Red:1um"] * 101), "--write-stack", "s.json"),
+            "--write-stack: there are 101 coats, and a stack's file holds 100 at most",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_line(run, tmp_path, arguments, complaint):

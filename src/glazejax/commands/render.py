@@ -140,6 +140,8 @@ def render(
     else:
         shelf = {**paints(given), **({} if pigments is None else read_pigments(pigments))}
     described = name_paints(given.shown, shelf)
+    if write_stack is not None:
+        _check_size(described)
     repeated = _ladder_layer(described, ladder)
     below = _ground_of(given) if ground is None else options.read_ground(ground)
     media, bed = _lay(below, described, shelf)
@@ -247,6 +249,24 @@ def _ground_of(stack: "Stack") -> options.Ground:
         else ()
     )
     return options.Ground(level, f"reflectance {level:g}", notes)
+
+
+def _check_size(coats: "Sequence[Coat]") -> None:
+    """Refuse coats that the file of a stack does not hold."""
+    from ..stacks import MOST_COATS, MOST_PARTS
+
+    if len(coats) > MOST_COATS:
+        raise ValueError(
+            f"--write-stack: there are {len(coats)} coats, and a stack's file holds {MOST_COATS} "
+            "at most: write equal coats as x3, or leave it out"
+        )
+    for coat in coats:
+        count = len({name for _, name in coat.parts})
+        if count > MOST_PARTS:
+            raise ValueError(
+                f"--write-stack: a coat is of {count} paints, and a stack's file holds "
+                f"{MOST_PARTS} at most: mix fewer, or leave it out"
+            )
 
 
 def _write_stack(path: Path, stack: "Stack", overwrite: bool) -> None:
