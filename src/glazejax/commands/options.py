@@ -179,7 +179,7 @@ Pigments = Annotated[
     ),
 ]
 OILS = "oils"
-PIGMENTS = "pigments"
+PIGMENTS = catalogue.PIGMENTS
 
 
 def catalogue_option(default: str) -> Any:
