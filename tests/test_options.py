@@ -242,6 +242,14 @@ def test_no_two_options_write_one_file(here):
         options.check_outputs({"--out": here / "a.png", "--csv": Path("./a.png")}, False)
 
 
+def test_a_result_of_no_legal_name_leaves_no_folder(here):
+    with refusal(r"--out new/a\.txt: pictures end in .png"):
+        options.check_outputs({"--csv": Path("new/a.csv"), "--out": Path("new/a.txt")}, False)
+    assert list(here.iterdir()) == []
+    options.check_outputs({"--out": Path("new/a.png")}, False)
+    assert (here / "new").is_dir()
+
+
 def test_no_result_replaces_a_workbook_of_which_a_sheet_is_read(tmp_path):
     book = tmp_path / "book.xlsx"
     book.touch()

@@ -100,6 +100,16 @@ def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = 
         ValueError: its ending is none of .png, .pdf, .svg, .jpg, or it is a folder.
     """
     path = Path(path)
+    check_ending(path, argument=argument)
+    return check_output(path, overwrite=overwrite, argument=argument)
+
+
+def check_ending(path: Path, *, argument: str = "") -> None:
+    """Refuse a name that is no picture's; errors begin with ``argument``, such as ``--out``.
+
+    Raises:
+        ValueError: its ending is none of .png, .pdf, .svg, .jpg, or it is a folder.
+    """
     described = f"{argument} {path}" if argument else str(path)
     if path.is_dir():
         raise ValueError(
@@ -107,7 +117,6 @@ def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = 
         )
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"{described}: pictures end in {', '.join(FORMATS)}")
-    return check_output(path, overwrite=overwrite, argument=argument)
 
 
 def hex_colour(rgb: "Real[Array | np.ndarray, '3'] | Sequence[float]") -> str:

@@ -724,7 +724,7 @@ def check_outputs(
     from ..extras import require
     from ..io.outputs import check_output
     from ..io.source import split_sheet
-    from ..plots import check_picture
+    from ..plots import check_ending, check_picture
 
     option_of: dict[Path, str] = {}
     # A sheet is of a file, too.
@@ -741,11 +741,17 @@ def check_outputs(
             raise ValueError(
                 f"{option} is {path}, a file that is read: give the result another name"
             )
+        if option in pictures:
+            require("matplotlib")
+            check_ending(path, argument=option)
+    # A refusal above leaves no folder behind.
+    for option, path in files.items():
+        if path is None:
+            continue
         # What cannot be made is said below.
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
         if option in pictures:
-            require("matplotlib")
             check_picture(path, overwrite=overwrite, argument=option)
         else:
             check_output(path, overwrite=overwrite, argument=option)
