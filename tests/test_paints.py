@@ -2,6 +2,8 @@
 
 import csv
 
+import pytest
+
 from glazejax import catalogue
 
 from .commands import invoke
@@ -47,6 +49,15 @@ def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
         said("--family", "azurit")
     with refusal("name it by --family"):
         said("--out", tmp_path / "x.png")
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--instrument", "45:0"), ("--quantity", "reflectance"), ("--unit", "nm"), ("--scale", "100")],
+)
+def test_options_of_references_are_refused_without_a_file(option, value):
+    with refusal(f"^{option} has no meaning without --references FILE$"):
+        said(option, value)
 
 
 def test_references_are_listed_as_they_are_understood(tmp_path):

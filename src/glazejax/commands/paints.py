@@ -54,6 +54,15 @@ def paints(
     from .. import catalogue
     from ..names import nearest_hint
 
+    of_references = {
+        "--instrument": instrument,
+        "--quantity": quantity,
+        "--unit": unit,
+        "--scale": scale,
+    }
+    for option, value in of_references.items():
+        if value is not None and references is None:
+            raise ValueError(f"{option} has no meaning without --references FILE")
     console = plain_console()
     options.check_outputs({"--out": out, "--csv": csv}, overwrite, inputs=[references])
     if references is not None:
