@@ -1,3 +1,6 @@
+from contextlib import nullcontext
+from pathlib import Path
+
 import matplotlib.image
 import numpy as np
 import pytest
@@ -115,6 +118,27 @@ def test_where_pictures_may_go(tmp_path):
         plots.check_picture(tmp_path / "a.txt")
     with refusal("is a folder: name a picture in it"):
         plots.check_picture(tmp_path)
+
+
+def test_a_picture_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
+    from matplotlib.figure import Figure
+
+    path = tmp_path / "a.PNG"
+    with plots.picture(path, 1, 1):
+        pass
+    old = path.read_bytes()
+    assert old.startswith(b"\x89PNG")
+
+    def stop(self, file, **settings):
+        with open(file, "wb") if isinstance(file, Path) else nullcontext(file) as out:
+            out.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Figure, "savefig", stop)
+    with pytest.raises(KeyboardInterrupt), plots.picture(path, 1, 1):
+        pass
+    assert path.read_bytes() == old
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_layout_of_the_users_settings_moves_nothing(rendering, tmp_path):

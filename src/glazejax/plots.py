@@ -6,6 +6,7 @@ matplotlib is imported when the first one is drawn, and its global state stays a
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import numpy as np
 
 from .extras import require
 from .io.outputs import check_output
+from .io.write import write_files
 
 if TYPE_CHECKING:
     from jaxtyping import Array, Real
@@ -80,7 +82,21 @@ def picture(
 
         figure = Figure(figsize=(width, height), layout=layout)
         yield figure
-        figure.savefig(path, dpi=110)
+        save_picture(figure, path, dpi=110)
+
+
+def save_picture(figure: "Figure", path: str | Path, *, dpi: float) -> None:
+    """Write a figure in the format of the path's ending: whole, or what was there stays.
+
+    Args:
+        figure: it.
+        path: the file, which is replaced if it exists.
+        dpi: dots per inch.
+    """
+    path = Path(path)
+    drawn = BytesIO()
+    figure.savefig(drawn, format=path.suffix[1:], dpi=dpi)
+    write_files({path: [drawn.getvalue()]}, overwrite=True)
 
 
 def label_spectra(axes: "Axes", ylabel: str = "reflectance", **settings: Any) -> None:

@@ -473,6 +473,8 @@ def _write(
 
 
 def _draw(recipe_lists: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> None:
+    from glazejax.plots import save_picture
+
     from .plots import recipe_figure
 
     single = len(recipe_lists) == 1
@@ -495,7 +497,7 @@ def _draw(recipe_lists: "list[list[Recipe]]", task: "RecipeTask", out: Path) -> 
         subtitle=f"{'target left, recipe right; ' if single else ''}{curves}coats top first; "
         f"{_describe_view(task)}",
     )
-    figure.savefig(out, dpi=100)
+    save_picture(figure, out, dpi=100)
 
 
 def _describe_view(task: "RecipeTask") -> str:

@@ -147,7 +147,7 @@ def render(
     media, bed = _lay(below, described, shelf)
 
     from ..paint.media import Glaze, Layer
-    from ..plots import load_matplotlib_ahead
+    from ..plots import load_matplotlib_ahead, save_picture
     from . import render_report as report
     from .plots import glaze_figure
     from .rendering import render as compute
@@ -184,7 +184,7 @@ def render(
             marked=coat.repeats,
         )
         # Files first: a pager that closes early must not lose them.
-        figure.savefig(out, dpi=100)
+        save_picture(figure, out, dpi=100)
     if write_stack is not None:
         drawn = Stack(
             described,
