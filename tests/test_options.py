@@ -236,6 +236,34 @@ def test_a_loosely_typed_name_is_that_of_an_own_paint(tmp_path):
     assert list(options.find_paints(["CobaltBlue"], both)) == ["CobaltBlue"]
 
 
+@pytest.mark.parametrize(
+    ("encoding", "start", "header"),
+    [
+        ("utf-8-sig", "", HEADER),
+        ("cp1252", "", HEADER),
+        ("utf-16", "", HEADER),
+        ("utf-8", "# a comment\n\n", HEADER),
+        ("utf-8", "", " " + HEADER.replace(",", " , ")),
+    ],
+)
+def test_own_paints_are_there_in_whatever_form_they_are_read(tmp_path, encoding, start, header):
+    path = tmp_path / "mine.csv"
+    rows = [f"Grün,{nm},1,1,0,0,True" for nm in (400, 500)]
+    path.write_text(start + "\n".join([header, *rows]), encoding=encoding)
+    assert list(options.read_shelf(path)) == ["Grün"]
+    options.check_coats("Grün:5um", path)
+    with refusal("no pigment 'Mauve'"):
+        options.check_coats("Mauve:5um", path)
+
+
+def test_a_table_without_pigments_is_refused_where_it_is_read(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text("name,nm\nRed,400\n")
+    options.check_coats("Red:5um", path)
+    with refusal("no column pigment"):
+        options.read_shelf(path)
+
+
 def test_no_two_options_write_one_file(here):
     options.check_outputs({"--out": Path("a.png"), "--csv": None, "--json": Path("b")}, False)
     with refusal(r"--csv and --out are both a\.png, the same file"):

@@ -626,8 +626,6 @@ def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) 
     Raises:
         ValueError: as `find_paints`.
     """
-    from ..io.words import unshield_name
-
     known: list[str] = []
     families: dict[str, str] = {}
     if shelf is not None or pigments is None:
@@ -637,14 +635,37 @@ def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) 
         # What comes through a pipe can be read once only, and by whom reads it whole.
         if not pigments.is_file():
             return
-        text = pigments.read_text(encoding="utf-8-sig", errors="replace")
-        rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-        known += dict.fromkeys(unshield_name((row.get("pigment") or "").strip()) for row in rows)
+        try:
+            known += _names_in(pigments)
+        except (KeyError, csv.Error):
+            # What is wrong with the table is said where it is read whole.
+            return
     for other in catalogue.names():
         known += [f"{other}:{name}" for name in catalogue.paint_families(other)]
     known += filter(None, families.values())
     for name in names:
         _full_name(name, known)
+
+
+def _names_in(pigments: Path) -> list[str]:
+    """Names in a table of paints, without the modules that `read_pigments` needs.
+
+    Raises:
+        KeyError: there is no column of names.
+        csv.Error, OSError, ValueError: it cannot be read, or is not text.
+    """
+    from ..io.source import open_source
+    from ..io.words import unshield_name
+
+    with open_source(pigments) as source:
+        lines = (line for _, line in source.lines() if line.strip() and not line.startswith("#"))
+        rows = csv.reader(lines)
+        titles = [title.strip() for title in next(rows, [])]
+        if "pigment" not in titles:
+            raise KeyError("pigment")
+        column = titles.index("pigment")
+        cells = (row[column].strip() for row in rows if len(row) > column)
+        return list(dict.fromkeys(map(unshield_name, cells)))
 
 
 def check_coats(text: str, pigments: Path | None, shelf: str | None = None) -> None:
