@@ -58,6 +58,34 @@ def test_format_by_name_of_the_option(chart, tmp_path):
     assert read_spectra(tmp_path / "out.data").format == "CxF3"
 
 
+def test_a_library_is_two_files(chart, tmp_path):
+    done = convert(chart, tmp_path / "out.dat", "--to", "envi")
+    header, data = tmp_path / "out.hdr", tmp_path / "out.sli"
+    assert f"wrote  {header} and {data}: 3 spectra" in done.output
+    assert header.is_file()
+    assert data.is_file()
+
+
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [("refl.hdr", "refl.sli"), ("refl.img", "refl.sli"), ("refl.hdr", "refl.img --to csv")],
+)
+def test_neither_half_of_a_library_that_is_read_is_replaced(chart, tmp_path, source, target):
+    convert(chart, tmp_path / "refl.hdr")
+    (tmp_path / "refl.sli").rename(tmp_path / "refl.img")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    name, *words = target.split()
+    done = run(tmp_path / source, tmp_path / name, *words, "--overwrite")
+    assert isinstance(done.exception, ValueError)
+    assert "a file that is read: give the result another name" in str(done.exception)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_table_beside_a_library_may_be_converted_again(chart, tmp_path):
+    convert(chart, tmp_path / "chart.hdr")
+    convert(chart, tmp_path / "chart.hdr", "--overwrite")
+
+
 @pytest.mark.parametrize(
     ("grid", "complaint"),
     [

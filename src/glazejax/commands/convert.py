@@ -1,5 +1,6 @@
 """The command ``glazejax convert``: spectra from any format that is known to CSV, CxF3 or ENVI."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,8 +62,12 @@ def convert(
         grid = None if resample is None else parse_grid(resample)
     except ValueError as error:
         raise ValueError(f"--resample {error}") from None
-    file_format(target, to)
-    options.check_outputs({"OUT": target}, overwrite, pictures=(), inputs=[source])
+    # A library is two files.
+    endings = (".hdr", ".sli") if file_format(target, to) == "envi" else ()
+    targets = [target.with_suffix(ending) for ending in endings] or [target]
+    inputs = _files_of(source)
+    for path in targets:
+        options.check_outputs({"OUT": path}, overwrite, pictures=(), inputs=inputs)
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table
     from .progress import follow
@@ -81,7 +86,23 @@ def convert(
     notes = write_spectra(table, target, format=to, long=long, overwrite=overwrite)
     for note in notes:
         typer.echo(f"note   {note}")
-    typer.echo(f"wrote  {target}: {_summary(table)}, stored as fractions")
+    written = " and ".join(map(str, targets))
+    typer.echo(f"wrote  {written}: {_summary(table)}, stored as fractions")
+
+
+def _files_of(source: Path) -> list[Path]:
+    """Files that are read for IN: of ENVI a header and its data."""
+    from ..io.files.read import envi_file
+    from ..io.source import split_sheet
+
+    file, _ = split_sheet(source)
+    # A pipe can be read once.
+    if file.is_file():
+        # What is wrong with it is said where it is read whole.
+        with suppress(OSError, ValueError):
+            envi = envi_file(file)
+            return [source, envi.path, envi.data]
+    return [source]
 
 
 def _summary(table: "SpectraTable") -> str:
