@@ -479,3 +479,9 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
 def test_bad_input(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_single_precision_is_refused():
+    """An opaque film's band, whose k and s are open, came out narrow and wrong in it."""
+    with jax.enable_x64(False), pytest.raises(ValueError, match="need double precision"):
+        posterior_of_bands(uniform_film(1.0, 10.0), steps=0)

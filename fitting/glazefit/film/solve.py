@@ -169,7 +169,16 @@ def _curvature(
 def solve(problem: FilmProblem, *, seed: int = 0) -> tuple[FilmProblem, Modes]:
     """The problem with its readings linear about the likeliest errors of the paints, where they are
     not linear anyway, and its modes.
+
+    Raises:
+        ValueError: JAX computes in single precision, in which what readings leave open comes out
+            narrow and wrong.
     """
+    if jnp.result_type(float) != jnp.float64:
+        raise ValueError(
+            'posteriors need double precision: write jax.config.update("jax_enable_x64", True) at '
+            "the start of the program"
+        )
     modes = find_modes(problem, seed=seed)
     if problem.data.expansion is None:
         return problem, modes

@@ -312,8 +312,8 @@ def posterior_of_film(
 
     Raises:
         ValueError: more films than one, no paint, paints of which there is no coat (see
-            `CoatPrior`) or that do not cover the film's wavelengths, too few walkers or steps, or a
-            chain of another problem.
+            `CoatPrior`) or that do not cover the film's wavelengths, too few walkers or steps, a
+            chain of another problem, or JAX in single precision.
         FileExistsError, FileNotFoundError: see `glazefit.film.sample.DrawsFile`.
     """
     options = Sampling(**sampling)
