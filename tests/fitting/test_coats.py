@@ -46,6 +46,7 @@ def paint(name, absorption, scattering):
 RED = paint("red", np.geomspace(3e5, 3e3, GRID.size), 5e3)
 BLUE = paint("blue", np.geomspace(2e3, 2e5, GRID.size), 2e4)
 WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
+FORWARD = Pigment("forward", GRID, RED.absorption, RED.scattering, phase=[1.0, 0.5])
 SHELF = {p.name: p for p in (RED, BLUE, WHITE)}
 
 
@@ -408,6 +409,11 @@ def test_wrong_words_are_refused(text, message):
         (lambda: CoatPrior([RED, BLUE], fractions=[1.0]), "2 paints but 1 fractions"),
         (lambda: CoatPrior([RED, BLUE], fractions=[0.9, 0.2]), "sum to 1"),
         (lambda: CoatPrior([RED, RED]), "listed twice"),
+        (lambda: CoatPrior([paint("batch", np.ones((2, 1)), 1.0)]), "'batch' is a batch"),
+        (
+            lambda: CoatPrior([FORWARD]),
+            "'forward' has a phase function",
+        ),
         (lambda: SpectraPrior(length=0.0), "length is 0"),
         (lambda: posterior_of_coats(usual_reading(), []), "0 coats"),
         (

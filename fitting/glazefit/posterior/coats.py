@@ -30,6 +30,7 @@ from glazejax.paint.describe import find_name
 from glazejax.spectra import Bands
 
 from ..film.model.errors import principal_modes
+from ..film.model.mixing import check_paints
 
 UNKNOWN = "?"
 ABOUT = "~"
@@ -49,8 +50,8 @@ class CoatPrior:
         fractions: of the paints, (paints,), sum 1; None if they are not known.
 
     Raises:
-        ValueError: a value out of range, a paint that is listed twice, or fractions that do not fit
-            the paints.
+        ValueError: a value out of range, a paint that is listed twice, is a batch or has a phase
+            function, or fractions that do not fit the paints.
     """
 
     paints: Sequence[Pigment] = ()
@@ -65,6 +66,7 @@ class CoatPrior:
             raise ValueError(f"{where} has {len(names)} paints; name 5 at most")
         if (twice := first_repeated(names)) is not None:
             raise ValueError(f"{where}: the paint {twice!r} is listed twice")
+        check_paints(self.paints)
         # No coat of paint is thicker: who says so means another unit.
         if self.thickness is not None and not 0 <= self.thickness <= 0.01:
             raise ValueError(
