@@ -7,7 +7,7 @@ The words are those of `glazejax render`, with marks for what is not known:
     Eosin:~5um                      of about that thickness
     Eosin:?                         of any usual thickness
     ZincWhite+CobaltBlue:20um       known paints, unknown fractions
-    ?:10um    or    ?:?             unknown paint: its k and s are searched for
+    ?:?                             unknown paint: its k and s times thickness are searched for
 
 Spectra of an unknown paint are smooth and of about the catalogue's size. log k d and log s d are
 each a Gaussian process of the wavelength: a level, and a shape about it with the Matern-5/2
@@ -44,7 +44,7 @@ class CoatPrior:
         paints: what it is made of, one to five; none if that is not known, and its k d and s d are
             searched for.
         thickness: m; None if it is not known: then the film's prior (`glazefit.Prior`) says
-            what is usual.
+            what is usual. Always None of an unknown paint.
         spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no
             meaning without one.
         fractions: of the paints, (paints,), sum 1; None if they are not known.
@@ -86,10 +86,10 @@ class CoatPrior:
             raise ValueError(
                 f"{where} cannot be about 0 thick; say 0 exactly, or a small thickness such as 1e-7"
             )
-        if not names and self.spread > 0:
+        if not names and self.thickness is not None:
             raise ValueError(
-                f"{where}: only k and s times thickness can be measured; state its thickness "
-                "exactly, or leave it out"
+                f"{where} is stated to be {self.thickness:g} m thick, but only its k and s times "
+                "thickness can be measured; leave its thickness out, as in ?:?"
             )
         if self.fractions is None:
             return

@@ -72,7 +72,7 @@ def posterior(
             help="Several coats, top first, written as `glazejax render --coats` takes them, "
             "with ~ before a thickness that is about right and ? for one not known: "
             "Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of the lower coat not known either); "
-            "?:? is a coat of unknown paint, whose k and s are found.",
+            "?:? is a coat of unknown paint, whose k and s times thickness are found.",
         ),
     ] = "",
     bands: Annotated[
