@@ -5,6 +5,7 @@ import signal
 from dataclasses import dataclass, replace
 from typing import Any
 
+import h5py
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -240,6 +241,38 @@ def test_interrupt_keeps_what_is_done(tmp_path, short: dict[str, Any]):
     rest = posterior_of_bands(film(), resume=True, **asked)
     assert rest.chain is not None
     assert len(rest.chain.free) == 60
+
+
+class Cut(Exception):
+    """The end of a process, in the middle of a line."""
+
+
+@pytest.mark.parametrize("what", ["rows", "state"])
+def test_a_chain_cut_while_it_is_written_goes_on_from_before(tmp_path, monkeypatch, what):
+    """Of two arrays of rows, or of a state's, only the first is written of the last piece."""
+    asked = {"sampler": "emcee", "steps": 25, "thin": 5}
+    path = tmp_path / "c.h5"
+    whole = sampled(gaussians(), **asked)
+    holder, method = {
+        "rows": (h5py.Dataset, "resize"),
+        "state": (h5py.Group, "require_dataset"),
+    }[what]
+    usual = getattr(holder, method)
+    calls = []
+
+    def cut(*args, **options):
+        calls.append(args)
+        if len(calls) == 8:
+            raise Cut
+        return usual(*args, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(holder, method, cut)
+        with pytest.raises(Cut):
+            sampled(gaussians(), path=path, **asked)
+    rest = sampled(gaussians(), path=path, resume=True, **asked)
+    assert_array_equal(rest.free, whole.free)
+    assert_array_equal(rest.log_probability, whole.log_probability)
 
 
 def test_interrupt_on_the_way_says_that_nothing_is_kept():

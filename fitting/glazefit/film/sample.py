@@ -21,6 +21,8 @@ from .problem import Draws, FilmProblem
 from .sampling import SAMPLERS, Sampling
 from .solve import Laplace
 
+_STATES = ("state", "other_state")
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -128,7 +130,6 @@ class DrawsFile:
         path.unlink(missing_ok=True)
         with h5py.File(path, "w") as file:
             group = file.create_group(self._group)
-            group.create_group("state")
             group.attrs.update(
                 {"problem": fingerprint, "thin": self._thin, "steps": 0, "accepted": 0.0}
             )
@@ -168,13 +169,18 @@ class DrawsFile:
                 )
             self.steps = int(group.attrs["steps"])
             self._accepted = float(group.attrs["accepted"])
-            self._free = [group["chain"][:]]
-            self._height = [group["log_prob"][:]]
-            self.state = {name: array[()] for name, array in group["state"].items()}
+            # Writing may have been cut after some rows, and before their steps were counted.
+            kept = self.steps // self._thin
+            self._free = [group["chain"][:kept]]
+            self._height = [group["log_prob"][:kept]]
+            if self.steps:
+                stored_state = group[_state_name(group)]
+                self.state = {name: array[()] for name, array in stored_state.items()}
 
     def add(self, draws: Draws) -> None:
         """Keep some steps."""
         count = len(draws.free)
+        kept = self.steps // self._thin
         chosen = np.arange(self.steps + 1, self.steps + count + 1) % self._thin == 0
         self._free.append(np.asarray(draws.free)[chosen])
         self._height.append(np.asarray(draws.height)[chosen])
@@ -188,12 +194,17 @@ class DrawsFile:
         with h5py.File(self._path, "a") as file:
             group: Any = file[self._group]
             for name, new in (("chain", self._free[-1]), ("log_prob", self._height[-1])):
-                group[name].resize(len(group[name]) + len(new), axis=0)
-                group[name][len(group[name]) - len(new) :] = new
+                group[name].resize(kept + len(new), axis=0)
+                group[name][kept:] = new
+            # The state before stays until the new steps are counted, which comes last: a chain
+            # that is cut in between goes on from there.
+            spare = group.require_group(_STATES[1 - _STATES.index(_state_name(group))])
             for name, array in self.state.items():
-                dataset = group["state"].require_dataset(name, array.shape, array.dtype)
+                dataset = spare.require_dataset(name, array.shape, array.dtype)
                 dataset[...] = array
-            group.attrs.update({"steps": self.steps, "accepted": self._accepted})
+            spare.attrs["steps"] = self.steps
+            group.attrs["accepted"] = self._accepted
+            group.attrs["steps"] = self.steps
 
     def chain(self, *, interrupted: bool) -> Chain:
         """Steps kept.
@@ -213,6 +224,13 @@ class DrawsFile:
             interrupted=interrupted,
             sampler=self._group,
         )
+
+
+def _state_name(group: Any) -> str:
+    """Name of the state after the steps counted; the first where none says, as in older files."""
+    steps = group.attrs["steps"]
+    after = (name for name in _STATES if name in group and group[name].attrs.get("steps") == steps)
+    return next(after, _STATES[0])
 
 
 @contextmanager
