@@ -275,6 +275,18 @@ def test_a_chain_cut_while_it_is_written_goes_on_from_before(tmp_path, monkeypat
     assert_array_equal(rest.log_probability, whole.log_probability)
 
 
+def test_a_chain_is_resumed_with_its_seed(tmp_path):
+    """Its random numbers follow from seed and step. A file of before seeds were kept takes any."""
+    asked = {"sampler": "emcee", "steps": 5, "path": tmp_path / "c.h5"}
+    sampled(gaussians(), seed=3, **asked)
+    with refusal("started with the seed 3, not 0; ask for the same"):
+        sampled(gaussians(), resume=True, **asked)
+    sampled(gaussians(), resume=True, seed=3, **asked)
+    with h5py.File(asked["path"], "a") as file:
+        del file["emcee"].attrs["seed"]
+    sampled(gaussians(), resume=True, **asked)
+
+
 def test_interrupt_on_the_way_says_that_nothing_is_kept():
     def stop(done, total, words, /):
         os.kill(os.getpid(), signal.SIGINT)

@@ -102,6 +102,7 @@ class DrawsFile:
         """
         self._path = None if options.path is None else Path(options.path)
         self._thin = options.every
+        self._seed = options.seed
         self._group = options.sampler
         self._free: list[np.ndarray] = []
         self._height: list[np.ndarray] = []
@@ -131,7 +132,13 @@ class DrawsFile:
         with h5py.File(path, "w") as file:
             group = file.create_group(self._group)
             group.attrs.update(
-                {"problem": fingerprint, "thin": self._thin, "steps": 0, "accepted": 0.0}
+                {
+                    "problem": fingerprint,
+                    "thin": self._thin,
+                    "seed": self._seed,
+                    "steps": 0,
+                    "accepted": 0.0,
+                }
             )
             for name, step_shape in (("chain", shape), ("log_prob", shape[:2])):
                 group.create_dataset(
@@ -166,6 +173,13 @@ class DrawsFile:
                 raise ValueError(
                     f"{path}: the chain has {stored[0]} walkers and keeps every {stored[1]}. step, "
                     f"not {walkers} and {self._thin}; ask for the same"
+                )
+            # Older files do not say.
+            seed = int(group.attrs.get("seed", self._seed))
+            if seed != self._seed:
+                raise ValueError(
+                    f"{path}: the chain was started with the seed {seed}, not {self._seed}; ask "
+                    "for the same"
                 )
             self.steps = int(group.attrs["steps"])
             self._accepted = float(group.attrs["accepted"])

@@ -44,7 +44,7 @@ class Sampling:
         walkers: chains of hmc, at least 2 and by default 16; or of emcee's ensemble, even, by
             default 32 or twice as many as there are unknowns.
         thin: every how many steps one is kept; by default each of hmc, every fifth of emcee.
-        seed: of all random numbers. A resumed chain goes on with its own.
+        seed: of all random numbers. A resumed chain takes the one that it was started with.
         path: HDF5 file that every kept step is written to; none keeps the chain in memory.
         resume: go on with the chain in it.
         overwrite: replace it.
