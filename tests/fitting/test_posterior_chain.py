@@ -173,3 +173,28 @@ def test_a_wider_spectrum_is_cropped_to_where_the_paints_are_known(run, tmp_path
         out, err = run(*words.split(), "--paints", "CobaltBlue", "--out", "x", fails=2)
         assert said in out + err
     assert read == 2 * [np.arange(400.0, 701.0, 10.0).tolist()]
+
+
+@pytest.mark.parametrize("words", ["films.csv", "one.csv --ground 0.9"])
+def test_the_recipe_of_the_only_film_needs_no_name(run, tmp_path, monkeypatch, words):
+    """With several the command asks for one of them, and blames no recipe."""
+    made_of = []
+
+    def stop(film, paints, **options):
+        made_of.extend(paint.name for paint in paints)
+        raise ValueError("nothing is sampled")
+
+    monkeypatch.setattr("glazefit.posterior.posterior.posterior_of_film", stop)
+    titles = ["Name", *map(str, range(400, 701, 10))]
+    cards = {"12A_b": 0.05, "12A_w": 0.8, "12A_ob": 0.1, "12A_ow": 0.3}
+    for name, levels in (("films.csv", cards), ("one.csv", {"12A": 0.4})):
+        again = {title.replace("12A", "13A"): level for title, level in levels.items()}
+        for file, read in ((name, levels), (f"two_{name}", levels | again)):
+            rows = [[title, *np.full(len(titles) - 1, level)] for title, level in read.items()]
+            write_table(tmp_path / file, titles, rows)
+    (tmp_path / "mixtures.tsv").write_text("12A\tCobaltBlue|100\n")
+    _, err = run(*words.split(), "--out", "x", fails=2)
+    assert "nothing is sampled" in err
+    assert made_of == ["CobaltBlue"]
+    _, err = run(*f"two_{words}".split(), "--out", "x", fails=2)
+    assert "--sample" in err

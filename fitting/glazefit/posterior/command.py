@@ -187,8 +187,9 @@ def posterior(
     prior = Prior(thickness=usual, error=paint_error)
     shelf = {} if bands else options.read_shelf(pigments, catalogue)
     stack = parse_coats(coats, options.all_named(shelf), prior.spread) if coats else ()
+    stated = options.stated(quantity, unit, scale)
     if file is not None and not (named or coats or bands):
-        named = _recipe(file, sample)
+        named = _recipe(file, sample, stated, over_cards=ground is None)
     made_of = list(options.find_paints(named, shelf).values())
     layers = stack or (CoatPrior(made_of),)
     if file is None:
@@ -197,7 +198,6 @@ def posterior(
         grids = [paint.wavelengths for coat in layers for paint in coat.paints]
         # Without a paint nothing bounds the bands.
         reach = common_range(grids) if grids else (0.0, math.inf)
-        stated = options.stated(quantity, unit, scale)
         film = (
             _film(file, sample, stated, reach, seen_by, console)
             if ground is None
@@ -352,20 +352,24 @@ def _film(
     console: "Console",
 ) -> "Films":
     """The film of a file that was read over both cards."""
-    from glazejax.io.spectra_table import there_are
-
     from ..film.readers import read_films
     from ..film.shared_bands import PAINTS_KNOWN, crop
 
     films = read_films(file, specular=bool(geometry.sees_surface), **stated)
     films = crop(films, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, films.notes)
-    if not sample and len(films) != 1:
+    return films.select([sample or _only_film(file, films.names)])
+
+
+def _only_film(file: Path, names: Sequence[str]) -> str:
+    """The film of a file that holds one."""
+    from glazejax.io.spectra_table import there_are
+
+    if len(names) != 1:
         raise ValueError(
-            f"{file} holds {len(films)} films; choose one with --sample "
-            f"({there_are('', films.names)})"
+            f"{file} holds {len(names)} films; choose one with --sample ({there_are('', names)})"
         )
-    return films.select([sample] if sample else films.names)
+    return names[0]
 
 
 def _spectrum(
@@ -397,11 +401,23 @@ def _spectrum(
     )
 
 
-def _recipe(file: Path, sample: str) -> list[str]:
-    from ..film.readers import NAMES_FILE, read_recipes
+def _recipe(file: Path, sample: str, stated: "Stated", *, over_cards: bool) -> list[str]:
+    """Paints of the film or spectrum, of the file's only one if none is named."""
+    from glazejax.io import read_spectra
+    from glazejax.io.spectra_table import row_of
+
+    from ..film.readers import NAMES_FILE, read_films, read_recipes
 
     path = file.parent / NAMES_FILE
-    recipe = read_recipes(path).get(sample) if path.is_file() else None
+    recipe = None
+    if path.is_file():
+        recipes = read_recipes(path)
+        if not sample and over_cards:
+            sample = _only_film(file, read_films(file, **stated).names)
+        elif not sample:
+            names = read_spectra(file, **stated).names
+            sample = names[row_of(names, "", str(file), "--sample ")]
+        recipe = recipes.get(sample)
     if not recipe:
         where = (
             f"and {path} does not say"
