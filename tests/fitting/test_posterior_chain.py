@@ -139,6 +139,7 @@ def test_command_writes_what_it_says(run, check_refusal, tmp_path, sampler, step
         ),
         ("none.tsv --out x --resume", "no chain to resume"),
         ("none.tsv --out x --resume --overwrite", "choose one"),
+        ("none.tsv --out x --resume --steps 0", "leave out resume"),
         ("none.tsv", "--out FOLDER"),
     ],
 )

@@ -52,7 +52,7 @@ class Sampling:
 
     Raises:
         ValueError: no such sampler, or numbers of steps, or of walkers, that make no chain, or that
-            are of one where none is sampled.
+            are of one where none is sampled, or one to resume there.
     """
 
     sampler: Sampler = "hmc"
@@ -78,6 +78,11 @@ class Sampling:
         if self.sampler == "importance" and of_chain:
             raise ValueError(
                 f"importance samples no chain: leave out {of_chain[0]}, or take hmc or emcee"
+            )
+        if self.resume and not self.length:
+            raise ValueError(
+                "resume goes on with a chain, and nothing is sampled: ask for steps of hmc or "
+                "emcee, or leave out resume"
             )
         if self.every < 1:
             raise ValueError(f"thin is {self.thin}; keep every step with 1, or every fifth with 5")

@@ -162,6 +162,7 @@ def posterior(
         "steps": steps,
         "walkers": walkers,
         "thin": thin,
+        "resume": resume,
     }
     total = Sampling(**settings).length
     named = options.split_names(paints)
@@ -210,7 +211,6 @@ def posterior(
         settings |= {
             "seed": seed,
             "path": folder / CHAIN,
-            "resume": resume,
             "overwrite": overwrite,
             "instrument": seen_with,
             "noise": errors,
