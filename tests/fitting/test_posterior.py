@@ -21,6 +21,7 @@ from glazefit import (
 )
 from glazefit.film.films import readings
 from glazefit.film.problem import log_probability
+from glazefit.film.sampling import Sampling
 from glazefit.film.solve import Gaussians, Laplace, _distinct, climb, solve
 from glazefit.posterior.bands import pose_bands
 from glazefit.posterior.film import pose_stack
@@ -490,3 +491,13 @@ def test_single_precision_is_refused():
     """An opaque film's band, whose k and s are open, came out narrow and wrong in it."""
     with jax.enable_x64(False), pytest.raises(ValueError, match="need double precision"):
         posterior_of_bands(uniform_film(1.0, 10.0), steps=0)
+
+
+def test_a_number_of_walkers_is_refused_by_what_its_sampler_needs():
+    """Only an ensemble is of two halves."""
+    with pytest.raises(ValueError, match="1 walkers are not enough; take 2 or more"):
+        Sampling(walkers=1)
+    with pytest.raises(ValueError, match="take an even number"):
+        Sampling(sampler="emcee", walkers=33)
+    with pytest.raises(ValueError, match="200 steps are fewer than one kept step"):
+        Sampling(thin=300)

@@ -48,7 +48,8 @@ class Sampling:
         path: HDF5 file that every kept step is written to; none keeps the chain in memory.
         resume: go on with the chain in it.
         overwrite: replace it.
-        progress: called at each step that is kept.
+        progress: called after each piece of the chain: fifty steps of hmc, and its warm-up in two
+            pieces; of emcee the steps from one that is kept to the next.
 
     Raises:
         ValueError: no such sampler, or numbers of steps, or of walkers, that make no chain, or that
@@ -88,8 +89,8 @@ class Sampling:
             raise ValueError(f"thin is {self.thin}; keep every step with 1, or every fifth with 5")
         if 0 < self.length < self.every:
             raise ValueError(
-                f"{self.steps} steps are fewer than one kept step ({self.every}); ask for some "
-                "thousands, such as 4000"
+                f"{self.length} steps are fewer than one kept step ({self.every}); ask for more, "
+                f"such as {100 * self.every}, or for a smaller thin"
             )
         if self.walkers is not None:
             # Refuses too few.
@@ -115,11 +116,14 @@ class Sampling:
         usual = _WALKERS[self.sampler]
         if self.walkers is None:
             return max(usual, least)
-        odd = self.sampler == "emcee" and self.walkers % 2
-        if self.walkers < least or odd:
+        if self.sampler == "emcee" and (self.walkers < least or self.walkers % 2):
             raise ValueError(
                 f"{self.walkers} walkers are not enough, or odd; take an even number of at least "
                 f"{least}, such as {usual}"
+            )
+        if self.walkers < least:
+            raise ValueError(
+                f"{self.walkers} walkers are not enough; take {least} or more, such as {usual}"
             )
         return self.walkers
 
