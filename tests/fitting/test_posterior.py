@@ -477,6 +477,8 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
             lambda: posterior_of_bands(film_of(0.3), sampler="importance", resume=True),
             "nothing is sampled: ask for steps of hmc or emcee",
         ),
+        (lambda: posterior_of_bands(film_of(0.3), gloss=60.0), "gloss is 60; it must be in"),
+        (lambda: posterior_of_bands(film_of(0.3), gloss=np.nan), "gloss is nan"),
         (lambda: Prior(error=0.0), "error is 0"),
         (lambda: reading_over(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
         (lambda: reading_over(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),

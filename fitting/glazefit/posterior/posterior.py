@@ -382,11 +382,18 @@ def posterior_of_bands(
         sampling: the same.
 
     Raises:
-        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
+        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a gloss out
+            of range.
     """
     options = Sampling(**sampling)
     instrument = resolve_instrument(instrument)
     noise = noise or Noise()
+    # As much above that of a smooth surface as a measured one may be (`glazefit.film.gloss`).
+    if gloss is not None and not 0 <= gloss <= 1.5:
+        raise ValueError(
+            f"gloss is {gloss:g}; it must be in [0, 1.5], a share of the reflection of a smooth "
+            "surface"
+        )
     reading = _single_reading(film, instrument, noise)
     if gloss is None:
         gloss = (
