@@ -199,3 +199,12 @@ def test_the_recipe_of_the_only_film_needs_no_name(run, tmp_path, monkeypatch, w
     assert made_of == ["CobaltBlue"]
     _, err = run(*f"two_{words}".split(), "--out", "x", fails=2)
     assert "--sample" in err
+
+
+def test_a_folder_that_holds_the_ground_is_refused(check_refusal, tmp_path):
+    """summary.csv is written there."""
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "summary.csv").touch()
+    (tmp_path / "none.tsv").touch()
+    words = "none.tsv --bands --ground x/summary.csv --overwrite --out x"
+    check_refusal("holds summary.csv, a file that is read", *words.split())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.command_line import ground_file
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
@@ -170,7 +171,7 @@ def posterior(
     usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
     require("matplotlib", "corner", "arviz", "h5py")
-    folder = _check_folder(out, resume, overwrite, [file, pigments])
+    folder = _check_folder(out, resume, overwrite, [file, pigments, ground_file(ground)])
     from glazejax.commands.main import start_jax
 
     start_jax()
