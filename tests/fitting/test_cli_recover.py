@@ -239,6 +239,17 @@ def test_own_tubes_go_into_one_file(run, check_refusal, tmp_path, tubes):
     assert list(catalogue.read(tmp_path / "mine.csv")) == ["Blue", "ZincWhite", "Red"]
 
 
+def test_results_do_not_replace_the_file_of_paints(check_refusal, tmp_path, tubes):
+    mine = tmp_path / "res" / "pigments.csv"
+    mine.parent.mkdir()
+    mine.write_text("pigment,wavelength_nm,absorption,scattering\nRed,400,1,1\nRed,700,1,1\n")
+    before = mine.read_bytes()
+    file = tubes("Blue", 590, ("ow",))
+    words = f"{file} --white ZincWhite --overwrite --out res --into {mine}".split()
+    check_refusal("--out res holds pigments.csv, a file that is read", *words)
+    assert mine.read_bytes() == before
+
+
 def test_thicknesses_in_words():
     """To two digits; a range only where there is one."""
     assert _lengths(np.array([20e-6, 20.01e-6])) == "20 µm"

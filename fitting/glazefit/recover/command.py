@@ -183,7 +183,7 @@ def recover(
     folder = (
         None
         if out is None and into is not None
-        else options.check_folder(out, overwrite, inputs=[file, names, excluded])
+        else options.check_folder(out, overwrite, inputs=[file, names, excluded, into])
     )
     from glazejax.commands.main import start_jax
 
