@@ -10,9 +10,10 @@ from rich.console import Console
 
 from glazefit import Noise, recover_films, simulate_films
 from glazefit.recover.films.film_by_film import recover_chunks
-from glazefit.recover.fits import Destination, _lengths, slug
+from glazefit.recover.fits import Destination, _lengths, read_gauge, slug
 from glazejax import Pigment, catalogue
 
+from ..refusals import refusal
 from .tables import read_rows, write_films
 from .test_joint import RECIPES, painted
 
@@ -126,6 +127,9 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, file):
         ("f.tsv --out o --white ZincWhite", "no film holds ZincWhite", "01A, 02B"),
         ("f.tsv --out o --wet-film thick", "--wet-film is 'thick'"),
         ("f.tsv --out o --wet-film 03A=20um", "--wet-film: no film is called '03A'"),
+        ("f.tsv --out o --wet-film 100um,50um", "'50um' is for all films and must stand first"),
+        ("f.tsv --out o --wet-film 01A=100um,50um", "for one film write FILM=50um"),
+        ("f.tsv --out o --wet-film 01A=100um,01A=50um", "--wet-film: '01A' is named twice"),
         ("--simulate --out o --into mine.csv", "--into is for measured films"),
         ("f.tsv --out full", "full", "not empty", "--overwrite"),
         ("f.tsv --out f.tsv", "is a file"),
@@ -248,6 +252,17 @@ def test_results_do_not_replace_the_file_of_paints(check_refusal, tmp_path, tube
     words = f"{file} --white ZincWhite --overwrite --out res --into {mine}".split()
     check_refusal("--out res holds pigments.csv, a file that is read", *words)
     assert mine.read_bytes() == before
+
+
+def test_a_film_is_as_thick_as_it_is_said_to_be():
+    """Or else as all are; one bar that drew all films says nothing of one film."""
+    gauge = read_gauge("50um, Red=100um±20%", ["Red", "Blue"])
+    assert gauge is not None
+    assert gauge.thickness == pytest.approx({"Red": 100e-6, "Blue": 50e-6})
+    assert gauge.error == 0.2
+    assert read_gauge("same", ["Red", "Blue"]) is None
+    with refusal("--film-thickness is 'same'"):
+        read_gauge("same", ["Red"], "--film-thickness")
 
 
 def test_thicknesses_in_words():

@@ -328,11 +328,13 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> G
     drew all films.
 
     Raises:
-        ValueError: no length, or a film that there is not.
+        ValueError: no length, a film that there is not or that is named twice, or a length for all
+            films that does not stand first.
     """
-    if text in ("", "same"):
+    if text == "" or (text == "same" and option == "--wet-film"):
         return None
     lengths: dict[str, float] = {}
+    named: set[str] = set()
     errors: list[float] = []
     for entry in options.split_names(text):
         film, equals, length = entry.rpartition("=")
@@ -342,6 +344,14 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> G
         film = film.strip()
         if equals and film not in films:
             raise ValueError(f"{option}: no film is called {film!r}; there are {', '.join(films)}")
+        if film in named:
+            raise ValueError(f"{option}: {film!r} is named twice; give one length for it")
+        if not equals and lengths:
+            raise ValueError(
+                f"{option}: {entry!r} is for all films and must stand first; for one film write "
+                f"FILM={entry}"
+            )
+        named |= {film} if equals else set()
         lengths |= dict.fromkeys([film] if equals else films, metres)
     return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
 
