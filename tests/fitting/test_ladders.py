@@ -11,6 +11,7 @@ from glazefit.film.films import card_reflectance
 from glazefit.film.model.response import film_response
 from glazefit.film.readers import read_loose_films
 from glazefit.recover.coats.coats import CoatScattering, coat_of, predict_next_coat, recover_coats
+from glazejax import catalogue
 from glazejax.colour import delta_e_of_spectra
 from glazejax.geometry import resolve_instrument
 
@@ -220,6 +221,18 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
     theirs = [float(r["reflectance"]) for r in coming if (r["paint"], r["coats"]) == ("Blue", "2")]
     assert_allclose(mine, theirs, atol=1e-4)
     assert (tmp_path / "res" / "Red.png").is_file()
+
+
+def test_no_more_coats_are_foretold_than_there_may_be(run, tmp_path):
+    rows = [
+        (f"{paint} {coats:g} coats", read_coat(k, 0.05, coats, np.random.default_rng(0)), GROUND)
+        for paint, k, coats in (("Red", 0.1 * RED, 19.0), ("Blue", 0.1 * BLUE, 20.0))
+    ]
+    file = write_films(tmp_path / "ladder.csv", table(rows), ("ow", "w"))
+    run(file, "--out", "res", "--instrument", "45:0", "--no-plots")
+    coming = read_rows(tmp_path / "res" / "next_coats.csv")
+    assert {(row["paint"], row["coats"]) for row in coming} == {("Red", "20")}
+    assert {*catalogue.read(tmp_path / "res" / "pigments.csv")} == {"Red", "Blue"}
 
 
 @pytest.mark.parametrize(

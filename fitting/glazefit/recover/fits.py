@@ -25,7 +25,7 @@ from ..film.films import Films
 from ..film.gloss import measure_gloss
 from ..film.readers import read_loose_films, recipes_from_names
 from ..film.shared_bands import average, crop
-from .coats.coats import coat_of, predict_next_coat, recover_coats
+from .coats.coats import MOST_COATS, coat_of, predict_next_coat, recover_coats
 from .films.film_by_film import recover_chunks
 from .films.result import Recovery
 from .joint.entries import add_paints, read_own_paints
@@ -456,6 +456,7 @@ def recover_from_coats(films: Films, fit_options: dict[str, Any], results: Desti
             predictions += [
                 predict_next_coat(recovery, paint, np.floor(last.coats) + extra, last.ground)
                 for extra in (1.0, 2.0)
+                if np.floor(last.coats) + extra <= MOST_COATS
             ]
         seconds = time.perf_counter() - began
     for line in report_coats(recovery, predictions, seconds):

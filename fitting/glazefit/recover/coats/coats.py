@@ -39,6 +39,9 @@ _NAME = re.compile(
     r"(?P<paint>\S.*?)\s+(?P<coats>\d+(?:\.\d+)?)\s+coats?(?:\s+(?P<square>\S.*))?", re.IGNORECASE
 )
 
+FEWEST_COATS = 0.1
+MOST_COATS = 20.0
+
 
 class CoatScattering(NamedTuple):
     """Expected log of scattering times thickness of one brushed coat, averaged over the bands."""
@@ -287,8 +290,10 @@ def predict_next_coat(
     """
     fit = recovery._fit_of(paint)
     instrument = fit.instrument
-    if not 0.1 <= coats <= 20:
-        raise ValueError(f"{coats:g} coats of {paint}; give a number from 0.1 to 20")
+    if not FEWEST_COATS <= coats <= MOST_COATS:
+        raise ValueError(
+            f"{coats:g} coats of {paint}; give a number from {FEWEST_COATS:g} to {MOST_COATS:g}"
+        )
     bare = np.asarray(ground, dtype=np.float64)
     grid = recovery.wavelengths
     if bare.shape != grid.shape:
@@ -325,8 +330,11 @@ def _named_coat(name: str) -> NamedCoat:
             f"film {name!r} does not say its paint and number of coats; call it "
             "'PAINT 1 coat', 'PAINT 2 coats', ..."
         )
-    if not 0.1 <= named.coats <= 20:
-        raise ValueError(f"film {name!r} has {named.coats:g} coats; they must be 0.1 to 20")
+    if not FEWEST_COATS <= named.coats <= MOST_COATS:
+        raise ValueError(
+            f"film {name!r} has {named.coats:g} coats; they must be {FEWEST_COATS:g} to "
+            f"{MOST_COATS:g}"
+        )
     return named
 
 
