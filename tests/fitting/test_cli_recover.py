@@ -146,6 +146,36 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, file):
         assert not (tmp_path / "o").exists(), words
 
 
+INFRARED = np.arange(1000.0, 1701.0, 50.0)
+
+
+@pytest.mark.parametrize("words", ["", "--joint"])
+def test_bands_that_give_no_colour_give_paints(run, tmp_path, words):
+    """k and s need none; how well films are met is then said of their spectra."""
+    k = np.stack([np.geomspace(0.05, 1.0, INFRARED.size), np.geomspace(1.0, 0.05, INFRARED.size)])
+    films = simulate_films(INFRARED, k, np.ones_like(k), names=["Red", "Red 1:1 White"])
+    films = films if words else replace(films, names=("Red", "White"))
+    out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots", *words.split())
+    assert "nan" not in out
+    assert {*catalogue.read(tmp_path / "res" / "pigments.csv")} == {"Red", "White"}
+    if words:
+        assert "Fitted films: RMSE 0.0" in out
+        assert [row["delta_e_white"] for row in read_rows(tmp_path / "res" / "films.csv")] == [
+            ""
+        ] * 2
+        _, err = run(tmp_path / "f.tsv", "--out", "more", *words.split(), "--check", fails=2)
+        assert "1000" in err
+        assert not (tmp_path / "more").exists()
+
+
+def test_an_unknown_light_is_refused_where_bands_give_no_colour():
+    k = np.full((1, INFRARED.size), 0.5)
+    recovery = recover_films(simulate_films(INFRARED, k, k, names=["Red"]))
+    assert np.isnan(recovery.delta_e("A")).all()
+    with refusal("D66"):
+        recovery.delta_e("D66")
+
+
 def test_slug():
     assert slug("03B Red 10% + White/90%") == "03B_Red_10_White_90"
     assert slug("../..") == "paint"

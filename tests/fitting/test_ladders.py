@@ -235,6 +235,15 @@ def test_no_more_coats_are_foretold_than_there_may_be(run, tmp_path):
     assert {*catalogue.read(tmp_path / "res" / "pigments.csv")} == {"Red", "Blue"}
 
 
+def test_coats_of_bands_that_give_no_colour(run, tmp_path):
+    films = replace(table(ladder("Red", RED, 0.5, 2)), wavelengths=GRID + 700.0)
+    file = write_films(tmp_path / "ladder.csv", films, ("ow", "w"))
+    out, _ = run(file, "--out", "res", "--instrument", "45:0", "--no-plots")
+    assert "nan" not in out
+    assert [row["delta_e"] for row in read_rows(tmp_path / "res" / "films.csv")] == ["", ""]
+    assert len(read_rows(tmp_path / "res" / "next_coats.csv")) == 2 * GRID.size
+
+
 @pytest.mark.parametrize(
     ("more", "ends", "words", "said"),
     [

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from glazejax import Pigment
 from glazejax.catalogue import load
+from glazejax.colour import colour_weights
 from glazejax.commands import options, progress
 from glazejax.io import write_table
 from glazejax.io.quantity import Stated
@@ -208,6 +209,10 @@ def recover_together(
         grid = paint.wavelengths
         fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
+    if check:
+        # Predictions are judged by their colours: bands that give none are refused here, before the
+        # fit.
+        colour_weights(fitted.wavelengths)
     unit = gauge.typical if gauge is not None and not references else metres
     fit_options = fit_options | {"unit": unit, "pigments": references, "gauge": gauge}
     if wet_film == "same":
@@ -263,7 +268,9 @@ def recover_together(
             )
             if plots:
                 plot_left_out(recovery, left_out, out / "left_out.png")
-    if not listed or into or white or wet_film or excluded:
+    # What teaches most is told by colours.
+    coloured = not np.isnan(recovery.delta_e()).any()
+    if coloured and (not listed or into or white or wet_film or excluded):
         _print_next_films(recovery, catalogue, console)
 
 

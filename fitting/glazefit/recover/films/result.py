@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
-from glazejax.colour import delta_e_of_spectra
+from glazejax.cie import find_illuminant, find_observer
+from glazejax.colour import colour_weights, delta_e_of_spectra
 from glazejax.io.spectra_table import list_names
 from glazejax.spectra import describe_grid
 
@@ -91,15 +92,23 @@ class FittedFilms:
         return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
 
     def _delta_e(self, illuminant: str, observer: str | int) -> PerFilmAndCard:
-        """CIEDE2000 of fitted from measured spectra, over black and over white."""
+        """CIEDE2000 of fitted from measured spectra, over black and over white; NaN where the bands
+        give no colour.
+        """
         films = self.films
+        lamp = find_illuminant(illuminant)
+        eye = find_observer(observer)
+        try:
+            colour_weights(films.wavelengths, lamp, eye)
+        except ValueError:
+            return np.full((len(films), 2), np.nan)
         return films.where_seen(
             delta_e_of_spectra(
                 films.wavelengths,
                 self._fitted,
                 films.over_cards,
-                illuminant=illuminant,
-                observer=observer,
+                illuminant=lamp,
+                observer=eye,
             )
         )
 
@@ -174,7 +183,7 @@ class Recovery(FittedFilms, Tabulated):
 
     def delta_e(self, illuminant: str) -> PerFilm:
         """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2
-        degree observer.
+        degree observer; NaN where the bands give no colour.
         """
         return self._delta_e(illuminant, 2).max(axis=-1)
 

@@ -188,7 +188,9 @@ class JointRecovery(FittedFilms):
         return np.exp(expected + self.unknowns.films[:, 1])
 
     def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> PerFilmAndCard:
-        """CIEDE2000 of fitted from measured spectra, over black and over white."""
+        """CIEDE2000 of fitted from measured spectra, over black and over white; NaN where the bands
+        give no colour.
+        """
         return self._delta_e(illuminant, observer)
 
     def recipe(self, film: int) -> dict[str, float]:

@@ -58,8 +58,8 @@ def report_films(recovery: Recovery, seconds: float, first: float) -> Iterator[R
         table.add_row(
             name,
             f"{recovery.rmse[row]:.5f}",
-            f"{d65[row]:.2f}",
-            f"{a[row]:.2f}",
+            _difference(d65[row]),
+            _difference(a[row]),
             "1" if recovery.gloss[row] == 1 else f"{recovery.gloss[row]:.2f}",
             f"{recovery.identifiable[row].sum()}/{grid.size} bands",
         )
@@ -83,6 +83,11 @@ def report_films(recovery: Recovery, seconds: float, first: float) -> Iterator[R
     for words, flags in faults.items():
         for row in np.flatnonzero(flags.any(axis=1)):
             yield Text(f"{names[row]}: {words} {ranges(grid, flags[row])}.", "yellow")
+
+
+def _difference(value: float, digits: int = 2) -> str:
+    """Colour difference; a dash where the bands give no colour."""
+    return "-" if np.isnan(value) else f"{value:.{digits}f}"
 
 
 def _ratios(recovery: Recovery, row: int) -> str:
@@ -154,10 +159,13 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
             f"  {recovery.paints[row]}: {remark if where else 'in no mixture: its scale is open'}"
         )
     difference = recovery.delta_e()
+    # Without a colour the spectra say how well films are met.
+    measure, off, digits = "ΔE00 (D65, 10°)", difference, 2
+    if np.isnan(difference).any():
+        measure, off, digits = "RMSE", recovery.rmse[:, None], 5
     yield (
-        f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, "
-        f"{difference.max():.2f} at most "
-        f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
+        f"Fitted films: {measure} {off.mean():.{digits}f} on average, {off.max():.{digits}f} at "
+        f"most ({recovery.films.names[int(off.max(axis=1).argmax())]}); gloss of the paints from "
         f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
     )
     # Films of known recipes are met to 2.3 at most (the samples).
@@ -203,7 +211,7 @@ def film_table(recovery: JointRecovery) -> Table:
             )
             or "1",
             f"{recovery.rmse[row]:.5f}",
-            *(f"{value:.3f}" for value in difference[row]),
+            *_over_cards(difference[row], ~np.isnan(difference[row])),
         )
         for row, name in enumerate(recovery.films.names)
     )
@@ -243,7 +251,7 @@ def report_coats(
             paint,
             coats,
             _factor(recovery.scattering(paint)),
-            f"ΔE00 {fit.delta_e().mean():.1f}",
+            f"ΔE00 {_difference(fit.delta_e().mean(), 1)}",
         )
     yield table
     yield Text(
@@ -252,6 +260,8 @@ def report_coats(
         "dim",
     )
     for prediction in predictions:
+        if np.isnan(recovery.paints[prediction.paint].delta_e()).any():
+            continue
         thickest = recovery.thickest(prediction.paint)
         change = float(prediction.delta_e(thickest.reflectance))
         yield (
@@ -278,7 +288,7 @@ def coat_table(recovery: CoatRecovery) -> Table:
             f"{fit.thickness[row]:.4g}",
             f"{fit.thickness_sd[row]:.2g}",
             f"{fit.rmse[row]:.5f}",
-            f"{difference:.3f}",
+            "" if np.isnan(difference) else f"{difference:.3f}",
         )
         for paint, fit in recovery.paints.items()
         for row, (name, difference) in enumerate(
