@@ -165,7 +165,7 @@ def report_joint(recovery: JointRecovery, seconds: float) -> Iterator[Renderable
         measure, off, digits = "RMSE", recovery.rmse[:, None], 5
     yield (
         f"Fitted films: {measure} {off.mean():.{digits}f} on average, {off.max():.{digits}f} at "
-        f"most ({recovery.films.names[int(off.max(axis=1).argmax())]}); gloss of the paints from "
+        f"most ({recovery.films.names[int(off.max(axis=1).argmax())]}); gloss of the films from "
         f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
     )
     # Films of known recipes are met to 2.3 at most (the samples).
