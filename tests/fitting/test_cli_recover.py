@@ -11,6 +11,7 @@ from rich.console import Console
 from glazefit import Noise, recover_films, simulate_films
 from glazefit.recover.films.film_by_film import recover_chunks
 from glazefit.recover.fits import Destination, _lengths, read_gauge, slug
+from glazefit.recover.predict.crossvalidation import cross_validate
 from glazejax import Pigment, catalogue
 
 from ..refusals import refusal
@@ -144,6 +145,34 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, file):
         for part in parts:
             assert part in err, (words, err)
         assert not (tmp_path / "o").exists(), words
+
+
+@pytest.mark.slow
+def test_interrupt_while_films_are_left_out_keeps_the_rest(run, tmp_path, monkeypatch):
+    films = painted()
+    file = write(tmp_path / "f.tsv", films)
+    (tmp_path / "mixtures.tsv").write_text(
+        "".join(
+            f"{name}\t{'-'.join(recipe)}|{'-'.join(map(str, recipe.values()))}\n"
+            for name, recipe in RECIPES.items()
+        )
+    )
+
+    def interrupted(whole, *how, **options):
+        progress = options.pop("progress")
+
+        def stop(done, total, stage):
+            progress(done, total, stage)
+            if done:
+                raise KeyboardInterrupt
+
+        return cross_validate(whole, *how, progress=stop, **options)
+
+    monkeypatch.setattr("glazefit.recover.fits.cross_validate", interrupted)
+    out, _ = run(*f"{file} --out res --joint --no-plots --check".split(), fails=130)
+    assert "Interrupted: the mixtures that follow were not left out" in out
+    assert len(read_rows(tmp_path / "res" / "left_out.csv")) == 1
+    assert "Blue" in str([*catalogue.read(tmp_path / "res" / "pigments.csv")])
 
 
 INFRARED = np.arange(1000.0, 1701.0, 50.0)

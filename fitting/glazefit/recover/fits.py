@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import numpy as np
+import typer
 from rich.console import Console
 
 from glazejax import Pigment
@@ -268,6 +269,8 @@ def recover_together(
             )
             if plots:
                 plot_left_out(recovery, left_out, out / "left_out.png")
+        if not left_out.complete:
+            raise typer.Exit(progress.INTERRUPTED)
     # What teaches most is told by colours.
     coloured = not np.isnan(recovery.delta_e()).any()
     if coloured and (not listed or into or white or wet_film or excluded):
