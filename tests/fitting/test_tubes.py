@@ -2,10 +2,13 @@
 gauges, own files.
 """
 
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
@@ -19,6 +22,8 @@ from glazefit.recover.joint.joint import UNIT, recover_jointly
 from glazefit.recover.joint.pose import Gauge, error_modes, pose
 from glazefit.recover.joint.problem import Expectations, optical_thickness
 from glazefit.recover.predict.next_reading import rank_next_films
+from glazefit.recover.show import plots
+from glazefit.recover.show.report import film_table
 from glazejax import Pigment, catalogue
 from glazejax.paint.pigment_table import write_pigments
 
@@ -210,6 +215,12 @@ def fitted(films, instrument=INSTRUMENT, **given):
     )
 
 
+@cache
+def one_step():
+    """A fit that has hardly begun."""
+    return fitted(painted(), pigments=KNOWN, max_steps=1)
+
+
 @pytest.mark.parametrize("instrument", ["d:8", "45:0"])
 def test_a_masstone_and_a_tint_with_a_known_white(instrument):
     found = fitted(painted(instrument=instrument), instrument, pigments=KNOWN)
@@ -384,6 +395,25 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert add_paints(copy, path) == ("Sky",)
     assert list(catalogue.read(path)) == ["#1", "White", "Sky"]
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_card_without_a_reading_is_neither_listed_nor_drawn(tmp_path, monkeypatch):
+    found = one_step()
+    found = replace(found, films=replace(found.films, seen=np.array([[True, True], [False, True]])))
+    header, rows = film_table(found)
+    whole, over_white = (dict(zip(header, row, strict=True)) for row in rows)
+    assert "" not in whole.values()
+    assert over_white["delta_e_black"] == ""
+    assert over_white["delta_e_white"] != ""
+
+    figure = Figure()
+    monkeypatch.setattr(plots, "picture", lambda *_: nullcontext(figure))
+    plots.plot_joint_paint(found, 0, tmp_path / "Blue.png")
+    drawn = [
+        np.isfinite(np.asarray(line.get_ydata(), float)).all() for line in figure.axes[0].lines
+    ]
+    # Of each film circles, squares and the two lines that were fitted.
+    assert drawn == [True] * 4 + [True, False, True, False]
 
 
 @pytest.mark.slow

@@ -113,14 +113,13 @@ def plot_joint_paint(recovery: JointRecovery, row: int, path: Path) -> None:
         spectra, coefficients = figure.subplots(1, 2)
         for film, colour in zip(drawn, colours, strict=False):
             label = f"{films.names[film]}: {describe_recipe(recovery, int(film))}"
-            spectra.plot(
-                grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=label
-            )
-            spectra.plot(
-                grid, films.over_black[film], "s", color=colour, ms=3, mfc="none", alpha=0.6
-            )
-            spectra.plot(grid, recovery.fitted_white[film], "-", color=colour, lw=1.1)
-            spectra.plot(grid, recovery.fitted_black[film], "--", color=colour, lw=1.0)
+            # Where nothing was read there are copies of what was.
+            black, white = np.where(films.seen[film], 1.0, np.nan)
+            read_black, read_white = films.over_black[film] * black, films.over_white[film] * white
+            spectra.plot(grid, read_white, "o", color=colour, ms=3.5, mfc="none", label=label)
+            spectra.plot(grid, read_black, "s", color=colour, ms=3, mfc="none", alpha=0.6)
+            spectra.plot(grid, recovery.fitted_white[film] * white, "-", color=colour, lw=1.1)
+            spectra.plot(grid, recovery.fitted_black[film] * black, "--", color=colour, lw=1.0)
         label_spectra(spectra, ylim=(0, 1))
         spectra.legend(fontsize=7, loc="upper left")
         remark = f" ({len(drawn)} of its {len(holding)} films)" if len(holding) > len(drawn) else ""

@@ -211,7 +211,7 @@ def film_table(recovery: JointRecovery) -> Table:
             )
             or "1",
             f"{recovery.rmse[row]:.5f}",
-            *_over_cards(difference[row], ~np.isnan(difference[row])),
+            *_over_cards(difference[row], recovery.films.seen[row] & ~np.isnan(difference[row])),
         )
         for row, name in enumerate(recovery.films.names)
     )
