@@ -397,6 +397,18 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+def test_a_file_of_paints_as_a_spreadsheet_saves_it_is_added_to(tmp_path, encoding):
+    path = tmp_path / "mine.csv"
+    rows = [f"Crème,{nm:g},1000,20000" for nm in GRID]
+    lines = ["# prêt-à-porter", "pigment,wavelength_nm,absorption,scattering", *rows]
+    path.write_bytes("\r\n".join(lines).encode(encoding))
+    assert add_paints(one_step(), path) == ("Blue", "White")
+    text = path.read_bytes().decode("utf-8")
+    assert text.startswith("# prêt-à-porter\n# Blue, White: ")
+    assert list(catalogue.read(path)) == ["Crème", "Blue", "White"]
+
+
 def test_a_card_without_a_reading_is_neither_listed_nor_drawn(tmp_path, monkeypatch):
     found = one_step()
     found = replace(found, films=replace(found.films, seen=np.array([[True, True], [False, True]])))

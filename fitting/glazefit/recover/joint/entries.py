@@ -4,7 +4,7 @@ one white.
 Paints of a file share error modes: what a paint that was fitted against the file's white inherits
 of the white's errors stands in the white's own columns, what is its own in columns that are new and
 empty of the others. So errors of their mixtures come out right. Lines that are there stay as they
-are, letter by letter.
+are, letter by letter; the file is written in UTF-8, whatever it was in.
 """
 
 import csv
@@ -17,6 +17,7 @@ import numpy as np
 
 from glazejax import Pigment
 from glazejax.io.outputs import check_output
+from glazejax.io.source import open_source
 from glazejax.io.words import shield_name, unshield_name
 from glazejax.io.write import row_writer
 from glazejax.paint.describe import format_length
@@ -97,7 +98,10 @@ def add_paints(
         if name in new
     ]
     # The other paints' lines stay as they are.
-    lines = path.read_text(encoding="utf-8-sig").splitlines() if own_paints else []
+    lines: list[str] = []
+    if own_paints:
+        with open_source(path) as source:
+            lines = [line for _, line in source.lines()]
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [comment for comment in comments if comment not in remarks]
     cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
@@ -106,7 +110,11 @@ def add_paints(
     wide = [*header, *(title for title in titles if title not in header)]
     # A paint without modes stays without: empty cells. One that has some has no share in the new.
     empty = "0" if "k_mode_1" in header else ""
-    fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
+    # Without that column k and s are known at all bands, and a cell of it must not be empty.
+    defaults = {"identifiable": "True"}
+    fill = [
+        empty if "_mode_" in title else defaults.get(title, "") for title in wide[len(header) :]
+    ]
     text = io.StringIO()
     write_row = row_writer(text)
     text.writelines(line + "\n" for line in remarks)
