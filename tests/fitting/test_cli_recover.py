@@ -2,6 +2,7 @@ import functools
 import io
 import re
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from glazefit import Noise, recover_films, simulate_films
 from glazefit.recover.films.film_by_film import recover_chunks
 from glazefit.recover.fits import Destination, _lengths, read_gauge, slug
 from glazefit.recover.predict.crossvalidation import cross_validate
-from glazejax import Pigment, catalogue
+from glazejax import Pigment, catalogue, extras
 
 from ..refusals import refusal
 from .tables import read_rows, write_films
@@ -173,6 +174,16 @@ def test_interrupt_while_films_are_left_out_keeps_the_rest(run, tmp_path, monkey
     assert "Interrupted: the mixtures that follow were not left out" in out
     assert len(read_rows(tmp_path / "res" / "left_out.csv")) == 1
     assert "Blue" in str([*catalogue.read(tmp_path / "res" / "pigments.csv")])
+
+
+def test_pictures_need_matplotlib_only_where_some_are_drawn(check_refusal, tmp_path, monkeypatch):
+    def without(name):
+        raise PackageNotFoundError(name)
+
+    (tmp_path / "lacks.csv").write_text("Name,400,410,420\nA_ow,.1,.2,.3\nA,.1,.2,.3\n")
+    monkeypatch.setattr(extras, "distribution", without)
+    check_refusal("'A' is there with an ending and without", "lacks.csv", "--into", "mine.csv")
+    check_refusal("glazejax[plots]", "lacks.csv", "--into", "mine.csv", "--out", "res")
 
 
 INFRARED = np.arange(1000.0, 1701.0, 50.0)

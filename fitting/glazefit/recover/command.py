@@ -178,7 +178,7 @@ def recover(
     own_file = into if into is not None and into.is_file() else None
     options.check_names(options.split_names(white), own_file, shelf)
     options.check_outputs({"--into": into}, overwrite=True, pictures=())
-    if plots:
+    if plots and out is not None:
         require("matplotlib")
     folder = (
         None
