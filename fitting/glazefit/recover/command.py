@@ -93,7 +93,8 @@ def recover(
         options.option(
             callback=options.between(0.0),
             help="Noise of the instrument near black: standard deviation of a reflectance. "
-            "Default: estimated from the roughness of the spectra, 0.0005 or more.",
+            "Default: estimated from the roughness of the spectra, 0.0005 or more; with "
+            "--noise-share 0.0005.",
         ),
     ] = None,
     noise_share: Annotated[
@@ -101,7 +102,7 @@ def recover(
         options.option(
             callback=options.between(0.0),
             help="Noise proportional to the reading, added to --noise per unit of reflectance. "
-            "Default: 0.002, or estimated from the spectra.",
+            "Default: estimated from the spectra; with --noise 0.002.",
         ),
     ] = None,
     instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
@@ -169,8 +170,10 @@ def recover(
     """
     # What is known beside the films, and all options that are for measured films.
     knowledge = {"--into": into, "--white": white, "--wet-film": wet_film, "--excluded": excluded}
-    measured = {"--joint": joint, "--masstones": masstones, "--names": names, **knowledge}
-    _check(file, simulate, check, joint, masstones, knowledge)
+    measured = {"--masstones": masstones, "--names": names, **knowledge}
+    _check(file, simulate, check, joint, masstones, measured)
+    if seed and not simulate:
+        raise ValueError(f"--seed {seed} is for simulated films; leave it out, or add --simulate")
     shelf = _catalogue(catalogue, bool(white) or simulate)
     stated = options.stated(quantity, unit, scale)
     metres = options.read_length(thickness)
@@ -243,7 +246,7 @@ def recover(
                 f"{read_noise.floor:.2g} + {read_noise.share:.2g} R (--noise, --noise-share)"
             )
         fit_options["noise"] = read_noise
-        if are_coats(films, measured):
+        if are_coats(films, {"--joint": joint, **measured}):
             recover_from_coats(films, fit_options, results)
             return
         names_file = file.parent / NAMES_FILE
@@ -293,7 +296,7 @@ def _check(
     check: bool,
     joint: bool,
     masstones: bool,
-    knowledge: Mapping[str, object],
+    measured: Mapping[str, object],
 ) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
@@ -307,7 +310,7 @@ def _check(
             raise ValueError(
                 f"--joint fits measured mixtures; leave out {option}, or leave out --joint"
             )
-    for option, value in knowledge.items():
+    for option, value in measured.items():
         if simulate and value:
             raise ValueError(
                 f"{option} is for measured films; leave it out, or leave out --simulate"
