@@ -49,6 +49,25 @@ def test_its_stack_is_read_and_set(wired):
     assert "stack" in found.keys
 
 
+def test_the_pages_stack_is_not_sent_back_in_other_words(wired, monkeypatch):
+    """Parts by weight stay parts: as shares they would replace the page's stack, and its undo."""
+    widget = wired[0]
+    messages = []
+    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: messages.append(message))
+    mixed = {"paint": {"CobaltBlue": 3, "ZincWhite": 1}, "um": 2}
+    stack = {**STACK, "version": 1, "ground": "card", "refractive_index": 1.5, "coats": [mixed]}
+    widget.set_state({"stack": {**stack, "geometry": "45:0"}})
+    assert widget.stack["coats"] == [mixed]
+    assert "update" not in [message.get("method") for message in messages]
+    # A stack set in Python reaches the page, a dictionary that was edited too.
+    edited = {**STACK, "coats": [coat("Eosin", 5)]}
+    for um in (5, 6):
+        messages.clear()
+        edited["coats"][0]["um"] = um
+        widget.stack = edited
+        assert "update" in [message.get("method") for message in messages]
+
+
 def test_a_question_is_answered(wired):
     found, sent = wired
     found._take(found, {"glaze": "question"}, [pack({"type": "hello"})])

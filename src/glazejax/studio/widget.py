@@ -2,6 +2,7 @@
 of a socket.
 """
 
+from copy import deepcopy
 from functools import cache
 from typing import Any
 
@@ -40,7 +41,8 @@ def make_widget() -> type:
             tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
 
         Attributes:
-            stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.
+            stack: what is stacked, as `stack_to_dict` gives it, with a dictionary's parts as they
+                were written; set it, and the page follows.
             seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8
                 bits) of the stack under the first lamp, as the page computed them; None until it
                 has.
@@ -72,7 +74,11 @@ def make_widget() -> type:
 
         @traitlets.validate("stack")
         def _checked(self, proposal: Any) -> dict[str, Any]:
-            return _plain(proposal["value"])
+            stack = proposal["value"]
+            plain = _plain(stack)
+            # In the page's own words: sent back in others it would be another stack there. A
+            # copy, so that who edits their dictionary and sets it again is heard.
+            return {**plain, **deepcopy(stack)} if isinstance(stack, dict) else plain
 
         def close(self) -> None:
             """End its searches too."""
