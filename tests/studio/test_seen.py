@@ -480,6 +480,22 @@ _SEARCH = """
 """
 
 
+def test_a_recipe_promises_what_the_page_then_shows():
+    """Its difference is that of the stack's own instrument."""
+    code = """
+        const { Eye } = await load("seen"), { Recipes, allowed, labOf } = await load("search");
+        const eye = new Eye(given.data), wanted = labOf("#8a4b2d", eye);
+        const entries = given.data.paints.filter(({ name }) => ["ZincWhite", "Vermillion", "BoneBlack"].includes(name));
+        const base = { glazejax: "stack", coats: [], ground: 0.9, geometry: "d:8", refractive_index: 1.5, pigments: {} };
+        const { recipes } = await new Recipes(eye, entries).find(wanted, base);
+        const view = { lamps: ["D65"], light: 45, view: 60, pinned: wanted };
+        return recipes.map((one) => [one.delta_e, eye.see(one.stack, view).delta]);
+    """
+    pairs = np.array(ask(code))
+    assert len(pairs)
+    assert_allclose(pairs[:, 0], pairs[:, 1], atol=1e-6)
+
+
 def test_the_pages_recipes_are_within_the_commands_bounds_and_of_its_paints():
     """1 to 50 micrometres a coat, and no paint that the command marks, unless it is one's own."""
     shelf = gj.catalogue.load()

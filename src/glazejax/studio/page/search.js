@@ -27,16 +27,15 @@ export function allowed(entries, { modern, own }) {
 export class Recipes {
   constructor(eye, entries) {
     this.eye = eye;
-    this.geometry = parseGeometry("45:0");
     this.groups = new Map();
     for (const entry of entries) this.groups.set(entry.group, [...(this.groups.get(entry.group) ?? []), entry]);
     this.tables = new Map();
   }
 
-  // What a stack's coats look like on its ground.
+  // What a stack's coats look like on its ground, to its instrument.
   spectrum(stack) {
     const coats = this.eye.shown(stack), grid = this.eye.grid(stack, coats);
-    const [found] = reflect(this.eye.layers(stack, coats, grid), [this.geometry], { index: stack.refractive_index, bands: grid.length });
+    const [found] = reflect(this.eye.layers(stack, coats, grid), [parseGeometry(stack.geometry)], { index: stack.refractive_index, bands: grid.length });
     return { grid, coats: found, seen: over(found, this.eye.level(stack, grid)) };
   }
   lab(stack) {
