@@ -368,6 +368,11 @@ def test_lines_of_python_run_and_give_the_same_spectrum():
     assert_allclose(names["spectrum"], expected, atol=1e-9)
     own = {"Mine": pigment_to_dict(gj.catalogue.pigment("Eosin"))}
     assert "gj.load_glaze" in ask(code, stack={**whole, "pigments": own})
+    # Oils and acrylics have other wavelengths: a `Glaze` of both would be refused.
+    acrylic = {**whole, "coats": [coat("acrylics/TitaniumWhite", 5)]}
+    assert "gj.load_glaze" not in ask(code, stack=acrylic)
+    both = {**whole, "coats": [*STACK["coats"], *acrylic["coats"]]}
+    assert "gj.load_glaze" in ask(code, stack=both)
 
 
 EIGHT = [

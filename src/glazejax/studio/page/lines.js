@@ -8,19 +8,21 @@ function mediumOf(coat) {
   return `gj.Mixture([${names.map(paint).join(", ")}], [${names.map((name) => +(coat.paint[name] / total).toPrecision(9)).join(", ")}])`;
 }
 
-// Own paints and measured grounds are numbers that no ten lines hold: there the program reads the stack's file.
+// Own paints and measured grounds are numbers that no ten lines hold, and paints of two catalogues differ in their
+// wavelengths: there the program reads the stack's file.
 export function pythonLines(stack, { white, black, thickest }) {
   const { ground, geometry, refractive_index: index } = stack, coats = stack.coats.filter((coat) => !coat.hidden);
   if (ground?.paint) coats.push({ paint: ground.paint, um: thickest });
   const tail = [`spectrum = gj.reflectance(glaze, "${geometry}")`, "print(gj.colour.lab(glaze.wavelengths, spectrum))"];
-  if (Object.keys(stack.pigments ?? {}).length || ground?.wavelengths || !coats.length) {
+  const names = coats.flatMap((coat) => Object.keys(coat.paint)), oils = names.some((name) => !name.includes("/"));
+  const groups = new Set(names.filter((name) => name.includes("/")).map((name) => name.split("/")[0]));
+  if (groups.size + oils > 1 || Object.keys(stack.pigments ?? {}).length || ground?.wavelengths || !coats.length) {
     return ["import glazejax as gj", 'glaze = gj.load_glaze("stack.json")  # saved in the studio', ...tail].join("\n");
   }
-  const names = coats.flatMap((coat) => Object.keys(coat.paint)), groups = new Set(names.filter((name) => name.includes("/")).map((name) => name.split("/")[0]));
   const level = typeof ground === "number" ? ground : ground?.paint ? 0.5 : ground === "black" ? black : white;
   return [
     "import glazejax as gj",
-    ...(names.some((name) => !name.includes("/")) ? ["oils = gj.catalogue.load()"] : []),
+    ...(oils ? ["oils = gj.catalogue.load()"] : []),
     ...[...groups].map((group) => `${group} = gj.catalogue.load("${group}")`),
     "glaze = gj.Glaze([",
     ...coats.map((coat) => `    gj.Layer(${mediumOf(coat)}, ${+coat.um.toPrecision(6)}e-6),`),
