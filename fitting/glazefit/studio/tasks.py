@@ -40,8 +40,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     """Best five recipes for a colour of the screen or a spectrum.
 
     Args:
-        asked: `stack`, whose ground, index and geometry count; `options` with `max_coats`, 1 or 2,
-            `own` (only own paints), `modern` (no other poisonous or unsold ones), and `srgb`, or
+        request: `stack`, whose ground, index and geometry count; `options` with `max_coats`, 1 or
+            2, `own` (only own paints), `modern` (no other poisonous or unsold ones), and `srgb`, or
             `wavelengths` and `reflectance` of a spectrum.
         report: takes words.
 
@@ -111,7 +111,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
     """Identify the paints in a spectrum, or in films over a black and a white card.
 
     Args:
-        asked: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a
+        request: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a
             single spectrum: "opaque", "white", "black" or "ground" (the stack's); `films`, whether
             rows are films in fours.
         report: takes words.
@@ -210,7 +210,7 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
     """Paints of measured films, rows in fours as `glazefit.read_films` has them, by their names.
 
     Args:
-        asked: `wavelengths`, `reflectance`, and `options` with the rows' `names`.
+        request: `wavelengths`, `reflectance`, and `options` with the rows' `names`.
         report: takes words.
 
     Raises:

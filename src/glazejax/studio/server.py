@@ -29,7 +29,7 @@ class Studio:
     Args:
         port: to listen on; 0 for a free one.
         tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
-        own: paints in addition to the catalogues', by names that no catalogue has.
+        own_paints: paints in addition to the catalogues', by names that no catalogue has.
 
     Raises:
         ModuleNotFoundError: a package of the extra `studio` is not installed.
