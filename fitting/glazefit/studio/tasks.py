@@ -131,18 +131,14 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
         result = identify_films(films_of(table), paints, keep=_CANDIDATES)
     else:
         below = options.get("below", "opaque")
-        levels = {
-            "opaque": None,
-            "white": WHITE,
-            "black": BLACK,
-            "ground": stack.ground_on(table.wavelengths),
-        }
-        if below not in levels:
+        levels = {"opaque": None, "white": WHITE, "black": BLACK}
+        if below not in (*levels, "ground"):
             raise ValueError(
                 f"the film lies over {below!r}; it must be opaque, white, black or ground"
             )
         finished_chunks = []
-        level = levels[below]
+        # The stack's ground need not reach as far as a film that is not on it.
+        level = stack.ground_on(table.wavelengths) if below == "ground" else levels[below]
         chunks = identify_chunks(
             table.wavelengths,
             table.reflectance,

@@ -1,0 +1,47 @@
+"""What the studio's searches take of a stack: its ground."""
+
+import numpy as np
+import pytest
+
+from glazefit.identify import identify
+from glazefit.studio import tasks
+
+from .coats import coat
+
+STACK = {"glazejax": "stack", "coats": [coat("CobaltBlue", 2)]}
+GRID = np.arange(400.0, 701.0, 10.0)
+FILM = {"wavelengths": GRID.tolist(), "reflectance": [0.4] * GRID.size}
+
+
+class Started(Exception):
+    """A search was started."""
+
+
+@pytest.fixture
+def start(monkeypatch):
+    """Starts a task on a stack with changes: the search's options, and the words reported."""
+    options = {}
+
+    def search(*_, **asked):
+        options.update(asked)
+        raise Started
+
+    monkeypatch.setattr(identify, "identify_chunks", search)
+
+    def call(task, choices, **changes):
+        words = []
+        with pytest.raises(Started):
+            task({**FILM, "stack": {**STACK, **changes}, "options": choices}, words.append)
+        return options, words
+
+    return call
+
+
+def test_a_film_that_hides_needs_no_ground(start):
+    """A measured ground may be of fewer wavelengths; it counts where it is asked for."""
+    ground = {"wavelengths": [420, 680], "reflectance": [0.5, 0.5]}
+    options, _ = start(tasks.identification, {"below": "opaque"}, ground=ground)
+    assert options["ground"] is None
+    assert options["opaque"]
+    options, _ = start(tasks.identification, {"below": "ground"}, ground=0.3)
+    assert options["ground"] == 0.3
