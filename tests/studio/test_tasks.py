@@ -37,6 +37,18 @@ def start(monkeypatch):
     return call
 
 
+@pytest.mark.parametrize("task", [tasks.recipes, tasks.identification])
+def test_a_ground_of_paint_is_refused(task):
+    """It would count as grey, whatever its colour."""
+    request = {
+        **FILM,
+        "stack": {**STACK, "ground": {"paint": {"ChromeYellow": 1}}},
+        "options": {"below": "ground"},
+    }
+    with pytest.raises(ValueError, match="choose white, black, grey or a measured one"):
+        task(request, lambda _: None)
+
+
 def test_a_film_that_hides_needs_no_ground(start):
     """A measured ground may be of fewer wavelengths; it counts where it is asked for."""
     ground = {"wavelengths": [420, 680], "reflectance": [0.5, 0.5]}

@@ -20,6 +20,7 @@ from glazejax.spectra import Bands, lie_between
 from glazejax.stacks import (
     BLACK,
     WHITE,
+    Hiding,
     Stack,
     all_paints,
     own_name,
@@ -46,7 +47,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         report: takes words.
 
     Raises:
-        ValueError: what `glazefit.find_recipes` refuses.
+        ValueError: the ground is paint that hides, or what `glazefit.find_recipes` refuses.
     """
     from ..recipe.parts import describe_parts
     from ..recipe.recipe import find_recipes
@@ -73,11 +74,12 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
     left_out = shelf - len(paints)
     if not paints:
         raise ValueError("no paint is left: there is no tube of your own on the shelf")
+    ground = _ground(stack, paints[0].wavelengths)
     report(f"looking through all sets of {len(paints)} paints")
     best_recipes = find_recipes(
         target,
         paints,
-        ground=stack.ground_on(paints[0].wavelengths),
+        ground=ground,
         instrument=stack.instrument,
         refractive_index=stack.refractive_index,
         max_coats=1 if options.get("max_coats") == 1 else 2,
@@ -117,7 +119,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
         report: takes words.
 
     Raises:
-        ValueError: what `glazefit.identify` refuses.
+        ValueError: the film's ground is paint that hides, or what `glazefit.identify` refuses.
     """
     from ..identify.identify import IdentificationOptions, identify_chunks, identify_films
     from ..identify.result import Identification
@@ -138,7 +140,7 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
             )
         finished_chunks = []
         # The stack's ground need not reach as far as a film that is not on it.
-        level = stack.ground_on(table.wavelengths) if below == "ground" else levels[below]
+        level = _ground(stack, table.wavelengths) if below == "ground" else levels[below]
         chunks = identify_chunks(
             table.wavelengths,
             table.reflectance,
@@ -237,6 +239,17 @@ def recovery(request: Request, report: Report) -> dict[str, Any]:
         "entries": [entry(name, paint) for name, paint in paints.items()],
         "words": f"films taken as {ASSUMED_THICKNESS * 1e6:g} µm thick",
     }
+
+
+def _ground(stack: Stack, wavelengths: Bands) -> float | Bands:
+    """The stack's ground for a search, at wavelengths in nm."""
+    # A stack counts paint that hides as its last coat, which a search does not take along.
+    if isinstance(stack.ground, Hiding):
+        raise ValueError(
+            "a search takes a ground of known reflectance, not one of paint: choose white, black, "
+            "grey or a measured one"
+        )
+    return stack.ground_on(wavelengths)
 
 
 def _paints(stack: Stack) -> list[Pigment]:
