@@ -1,9 +1,10 @@
-"""What the studio's searches take of a stack: its ground."""
+"""What the studio's searches take of a stack: its ground, and one's own paints."""
 
 import numpy as np
 import pytest
 
 from glazefit.identify import identify
+from glazefit.recipe import recipe
 from glazefit.studio import tasks
 
 from .coats import coat
@@ -11,6 +12,8 @@ from .coats import coat
 STACK = {"glazejax": "stack", "coats": [coat("CobaltBlue", 2)]}
 GRID = np.arange(400.0, 701.0, 10.0)
 FILM = {"wavelengths": GRID.tolist(), "reflectance": [0.4] * GRID.size}
+# Known from 420 to 680 nm, and the oils from 400 to 700.
+TUBE = {"wavelengths": [420, 680], "absorption": [1e4, 1e4], "scattering": [1e5, 1e5]}
 
 
 class Started(Exception):
@@ -26,6 +29,7 @@ def start(monkeypatch):
         options.update(asked)
         raise Started
 
+    monkeypatch.setattr(recipe, "find_recipes", search)
     monkeypatch.setattr(identify, "identify_chunks", search)
 
     def call(task, choices, **changes):
@@ -57,3 +61,14 @@ def test_a_film_that_hides_needs_no_ground(start):
     assert options["opaque"]
     options, _ = start(tasks.identification, {"below": "ground"}, ground=0.3)
     assert options["ground"] == 0.3
+
+
+def test_own_paints_that_are_left_out_are_named(start):
+    short = "Mine is known from 420 to 680 nm; a search needs 400 to 700 nm"
+    pigments = {"Mine": TUBE}
+    for task in (tasks.recipes, tasks.identification):
+        _, words = start(task, {"below": "white"}, pigments=pigments)
+        assert words[-1].endswith(short)
+    request = {**FILM, "stack": {**STACK, "pigments": pigments}, "options": {"own": True}}
+    with pytest.raises(ValueError, match=short):
+        tasks.recipes(request, lambda _: None)

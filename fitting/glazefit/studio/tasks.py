@@ -47,7 +47,8 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         report: takes words.
 
     Raises:
-        ValueError: the ground is paint that hides, or what `glazefit.find_recipes` refuses.
+        ValueError: the ground is paint that hides, no paint is left, or what
+            `glazefit.find_recipes` refuses.
     """
     from ..recipe.parts import describe_parts
     from ..recipe.recipe import find_recipes
@@ -61,7 +62,7 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         )
     else:
         target = srgb_target(str(options.get("srgb", "")))
-    paints = _paints(stack)
+    paints, short = _paints(stack)
     if options.get("own"):
         paints = [paint for paint in paints if paint.name in stack.pigments]
     shelf = len(paints)
@@ -73,9 +74,9 @@ def recipes(request: Request, report: Report) -> dict[str, Any]:
         ]
     left_out = shelf - len(paints)
     if not paints:
-        raise ValueError("no paint is left: there is no tube of your own on the shelf")
+        raise ValueError(short or "no paint is left: there is no tube of your own on the shelf")
     ground = _ground(stack, paints[0].wavelengths)
-    report(f"looking through all sets of {len(paints)} paints")
+    report("; ".join(filter(None, (f"looking through all sets of {len(paints)} paints", short))))
     best_recipes = find_recipes(
         target,
         paints,
@@ -127,8 +128,9 @@ def identification(request: Request, report: Report) -> dict[str, Any]:
     stack = stack_from_dict(request["stack"])
     options = request.get("options", {})
     table = _table(request)
-    paints = _paints(stack)
-    report(f"weighing sets of {len(paints)} paints, and none of them")
+    paints, short = _paints(stack)
+    words = f"weighing sets of {len(paints)} paints, and none of them"
+    report("; ".join(filter(None, (words, short))))
     if options.get("films"):
         result = identify_films(films_of(table), paints, keep=_CANDIDATES)
     else:
@@ -252,9 +254,9 @@ def _ground(stack: Stack, wavelengths: Bands) -> float | Bands:
     return stack.ground_on(wavelengths)
 
 
-def _paints(stack: Stack) -> list[Pigment]:
+def _paints(stack: Stack) -> tuple[list[Pigment], str]:
     """The catalogue that the stack's uppermost paint is from, and own paints on the same
-    wavelengths.
+    wavelengths; words about own paints that do not reach so far.
     """
     shelf = all_paints()
     first = next(
@@ -268,7 +270,13 @@ def _paints(stack: Stack) -> list[Pigment]:
         for name, paint in stack.pigments.items()
         if lie_between(grid, paint.wavelengths[0], paint.wavelengths[-1]).all()
     }
-    return [paint.renamed(name) for name, paint in {**chosen, **own_paints}.items()]
+    short = [
+        f"{name} is known from {paint.wavelengths[0]:g} to {paint.wavelengths[-1]:g} nm"
+        for name, paint in stack.pigments.items()
+        if name not in own_paints
+    ]
+    words = f"{', '.join(short)}; a search needs {grid[0]:g} to {grid[-1]:g} nm" if short else ""
+    return [paint.renamed(name) for name, paint in {**chosen, **own_paints}.items()], words
 
 
 def _table(request: Request) -> SpectraTable:
