@@ -243,6 +243,31 @@ def test_a_page_that_is_back_before_it_was_missed_keeps_its_search(served, tmp_p
     assert answers == [("back one", "done")]
 
 
+def test_a_process_that_the_next_search_took_is_not_ended():
+    """It is taken in the moment after its answer, before that search's thread is done."""
+    searches = jobs.Jobs({"echo": "tests.studio.test_server:echo"})
+    taken = []
+    answers = []
+
+    class Times(dict):
+        def __setitem__(self, task, seconds):
+            taken.append(searches._idle.pop())
+
+    searches._took = Times()
+
+    def tell(name, message):
+        if "progress" not in message:
+            answers.append(message)
+
+    searches.start("one", "echo", {"options": {}}, tell)
+    soon(lambda: answers)
+    [process] = taken
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.5)
+    process.kill()
+    process.wait()
+
+
 def test_what_can_be_searched_is_registered():
     """In pyproject, and so in an installed glazejax."""
     import tomllib

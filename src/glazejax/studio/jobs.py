@@ -184,7 +184,8 @@ class Jobs:
             # Who stopped a search has taken it off the list and ended its process.
             stopped = self._running.pop(name, None) is None
             # One process waits for the next search, no more.
-            if answer is not None and not stopped and not self._idle:
+            waits = answer is not None and not stopped and not self._idle
+            if waits:
                 self._idle.append(process)
         if stopped:
             return
@@ -197,7 +198,8 @@ class Jobs:
         # The next search of this kind shows how long it usually takes.
         if "result" in answer:
             self._took[task] = time.monotonic() - began
-        if process not in self._idle:
+        # One that waited may run the next search by now: it is not looked up again.
+        if not waits:
             process.kill()
         self._send(name, answer | {"seconds": time.monotonic() - began})
 
