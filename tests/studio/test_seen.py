@@ -176,6 +176,22 @@ def test_paints_of_which_only_k_over_s_is_known_are_named():
     assert see()["doubts"] == []
 
 
+def test_an_own_paint_of_which_only_k_over_s_is_known_is_named():
+    """It comes onto the shelf after the page's data, as one recovered from a film does."""
+    code = """
+        globalThis.matchMedia = () => ({ matches: false });
+        const { Store } = await load("store");
+        const store = new Store(null);
+        store.learn(given.data);
+        store.own.Mine = store.eye.paints.get("Eosin");
+        store.entries.set("Mine", { name: "Mine", group: "own", unknown: "400-420 nm" });
+        store.add({ Mine: 1 }, 3);
+        return store.eye.see(store.plain(), store.viewNow()).doubts;
+    """
+    [words] = [doubt for doubt in ask(code) if doubt.startswith("Mine")]
+    assert "400-420 nm: only k/s is known" in words
+
+
 def test_a_bare_card_is_seen_too():
     found = see(coats=[])
     assert found["spectra"][0] == found["spectra"][5]

@@ -19,6 +19,8 @@ const errors = ["absorption_sd", "scattering_sd"];
 export class Eye {
   constructor(data) {
     this.data = data;
+    // What the shelf says of each paint; one's own come in later.
+    this.entries = new Map(data.paints.map((entry) => [entry.name, entry]));
     this.paints = new Map(data.paints.filter((entry) => entry.curves).map((entry) => [entry.name, { ...entry.curves, provenance: entry.provenance }]));
     this.media = new Map();
     this.weights = new Map();
@@ -117,7 +119,7 @@ export class Eye {
   }
 
   unknown(name) {
-    return this.data.paints.find((entry) => entry.name === name)?.unknown ?? "";
+    return this.entries.get(name)?.unknown ?? "";
   }
 
   // What may come a moment later: the ladder of the repeated coat, and the 90 % band.

@@ -53,7 +53,7 @@ export class Store {
   // What the page knows of paints and lamps: from here on it sees.
   learn(data) {
     this.eye = new Eye(data);
-    for (const entry of data.paints) this.entries.set(entry.name, entry);
+    this.entries = this.eye.entries;
     Object.assign(this.own, data.own);
     this.lamps = Object.keys(data.lamps);
     this.swatch([...this.entries.keys()]);
