@@ -501,6 +501,16 @@ _SEARCH = """
 """
 
 
+def test_a_search_gets_as_many_own_paints_as_a_stack_may_bring():
+    """Those of the stack first, or its coats would name paints that are not there."""
+    code = 'return Object.keys((await load("search")).tubesFor(given.used, given.own, given.data.most_coats));'
+    own = {f"tube {i}": i for i in range(MOST_COATS + 20)}
+    last = f"tube {MOST_COATS + 19}"
+    names = ask(code, own=own, used={last: own[last]})
+    assert names == [last, *list(own)[: MOST_COATS - 1]]
+    assert ask(code, own={"Mine": 1}, used={}) == ["Mine"]
+
+
 def test_a_recipe_promises_what_the_page_then_shows():
     """Its difference is that of the stack's own instrument."""
     code = """

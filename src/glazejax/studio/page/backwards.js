@@ -1,6 +1,6 @@
 // Backwards: recipes for a colour, what is in a spectrum, paints from films; searches run in the background, and can be stopped.
 import { el, hex } from "./dom.js";
-import { Recipes, allowed, labOf } from "./search.js";
+import { Recipes, allowed, labOf, tubesFor } from "./search.js";
 
 export function backwardsPanel(store) {
   const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", oninput: () => { target = null; showTarget(); } });
@@ -109,8 +109,11 @@ export function backwardsPanel(store) {
     const words = el("span", {}, "starting");
     const stop = el("button.quiet", { type: "button", "data-at": "stop", onclick: () => store.link.send({ type: "stop", name }) }, "Stop");
     const node = el("div.job", { "data-job": name }, meter, words, stop);
-    if (!store.link.send({ type: "start", task, name, options, stack: { ...store.plain(), ...(task === "recipes" && Object.keys(store.own).length ? { pigments: store.own } : {}) } }, arrays)) return store.say("The studio is not there at the moment; try again when it is back.", "error");
+    const stack = store.plain(), count = Object.keys(store.own).length, most = store.eye.data.most_coats;
+    if (task === "recipes" && count) stack.pigments = tubesFor(stack.pigments ?? {}, store.own, most);
+    if (!store.link.send({ type: "start", task, name, options, stack }, arrays)) return store.say("The studio is not there at the moment; try again when it is back.", "error");
     jobs.append(node);
+    if (task === "recipes" && count > most) store.say(`The search takes ${most} of your ${count} tubes: those of the stack, then the first on the shelf.`);
   }
   store.on("job", (header) => {
     const node = jobs.querySelector(`[data-job="${header.name}"]`);

@@ -24,6 +24,12 @@ export function allowed(entries, { modern, own }) {
   return entries.filter((entry) => (entry.group === "own" ? true : !own && !(modern && entry.caution)));
 }
 
+/* Own paints that a search in Python gets: the stack's first, `most` in all, as many as a stack may bring. */
+export function tubesFor(used, own, most) {
+  const others = Object.entries(own).filter(([name]) => !(name in used));
+  return Object.fromEntries([...Object.entries(used), ...others].slice(0, most));
+}
+
 export class Recipes {
   constructor(eye, entries) {
     this.eye = eye;
