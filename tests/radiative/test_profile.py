@@ -1,5 +1,7 @@
 """Films that vary with depth: both methods against each other, and limits that are known."""
 
+import warnings
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from glazejax import (
     stack_hemispherical_reflectance,
     stack_reflectance_factor,
 )
-from glazejax.radiative.profile import _piecewise_linear
+from glazejax.radiative.profile import _has_settled, _piecewise_linear
 
 from ..checks import check_slopes, largest_difference
 from ..refusals import refusal
@@ -91,6 +93,25 @@ def test_no_thickness_is_a_bare_ground():
             [1e4, 2e4], [0.0, 3e4], 0.0, 0.6, method=method, tolerance=1e-4
         )
         assert found == pytest.approx(float(bare), abs=1e-4)
+
+
+def test_single_precision_meets_the_default_without_a_warning():
+    with jax.enable_x64(False), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value = profile_reflectance_factor([1e4, 1e4], [5e4, 5e4], DEPTH, 0.6)
+        with pytest.raises(UserWarning, match="least there is in single precision"):
+            profile_reflectance_factor([1e4, 1e4], [5e4, 5e4], DEPTH, 0.6, tolerance=1e-8)
+    expected = stack_reflectance_factor([5 / 6], [6e4 * DEPTH], 0.6)
+    assert value.dtype == jnp.float32
+    assert largest_difference(value, expected) < 1e-5
+
+
+def test_what_single_precision_leaves_counts_as_settled():
+    for dtype, settled in ((jnp.float32, True), (jnp.float64, False)):
+        change = np.array([0.0, -8e-6])
+        assert _has_settled(change, jnp.zeros(2, dtype), 1e-6, last=False) == settled
+    with refusal("the profile varies too fast"):
+        _has_settled(np.array([2e-5]), jnp.zeros(1, jnp.float32), 1e-6, last=True)
 
 
 @pytest.mark.slow

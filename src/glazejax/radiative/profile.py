@@ -38,6 +38,7 @@ from .common.inputs import (
 )
 from .common.linalg import einsum
 from .common.quadrature import gauss
+from .common.rounding import FINEST_SINGLE
 from .common.stack_arrays import StackArrays
 from .stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
@@ -264,6 +265,11 @@ def _solve_sliced(film: _ProfileFilm, light: Illumination, tolerance: float) -> 
     x, w = gauss(4)
     viewed = "cos_viewing" in light
     solve = stack_reflectance_factor if viewed else stack_hemispherical_reflectance
+    # The solver may take a third of the tolerance, the slices the rest.
+    solver_tolerance = 0.3 * tolerance
+    if film.thickness.dtype == jnp.float32:
+        # The solver warns below 1e-6, which is right only where the user asked for less.
+        solver_tolerance = max(solver_tolerance, min(tolerance, 1e-6))
 
     def reflectance(count: int) -> Array:
         # Gauss's points in each slice, as shares of the film's depth.
@@ -279,9 +285,8 @@ def _solve_sliced(film: _ProfileFilm, light: Illumination, tolerance: float) -> 
         s = mean(film.scattering)
         # Optical thickness of a slice: k and s in 1/m, times its share of the film.
         depth = (k + s) * film.thickness[..., None] / count
-        # The solver may take a third of the tolerance, the slices the rest.
         return jnp.broadcast_to(
-            solve(_albedo(k, s), depth, tolerance=0.3 * tolerance, **light), film.batch
+            solve(_albedo(k, s), depth, tolerance=solver_tolerance, **light), film.batch
         )
 
     # At least 8 slices: as many as samples, or a multiple, so that no slice holds a kink.
@@ -313,8 +318,11 @@ def _has_settled(change: np.ndarray, value: Array, tolerance: float, *, last: bo
         ValueError: it doesn't, and the estimate can't be refined any more.
     """
     error = np.max(np.abs(change), initial=0.0)
-    # Rounding of a difference bounds the estimate from below.
-    settled = bool(error < max(0.7 * tolerance, 50.0 * float(jnp.finfo(value.dtype).eps)))
+    # Rounding of a difference bounds the estimate from below; in single precision it grows with the
+    # slices.
+    single = value.dtype == jnp.float32
+    rounding = FINEST_SINGLE if single else 50.0 * float(jnp.finfo(value.dtype).eps)
+    settled = bool(error < max(0.7 * tolerance, rounding))
     if last and not settled:
         raise ValueError(
             f"tolerance is {tolerance} but the profile varies too fast: an error of some "
