@@ -9,12 +9,15 @@ from glazejax import (
     Glaze,
     Hemispherical,
     Layer,
+    Mixture,
     Pigment,
     colour,
     picture,
     reflectance,
 )
 from glazejax.radiative.plan.plan import ALL
+
+from .refusals import refusal
 
 GRID = np.arange(400.0, 701.0, 30.0)
 SIZE = (24, 32)
@@ -135,3 +138,20 @@ def test_what_is_wrong_is_named(paints, change: dict, words: str):
 def test_maps_of_one_paint_have_one_shape_too(paints):
     with pytest.raises(ValueError, match="maps differ in shape"):
         picture([paints[0], paints[0]], [np.full((3, 3), 1e-6), FLAT], 0.5)
+
+
+def test_paints_are_of_one_glaze(paints):
+    """Pixels are computed in an order of their own, in which a batch of fractions would not follow."""
+    share = np.linspace(0, 1, 12)
+    weights = np.stack([share, 1 - share], axis=-1)
+    ramp = np.linspace(1e-6, 2e-5, 12).reshape(3, 4)
+    batch = Pigment("batch", GRID, np.full((2, GRID.size), 1e4), np.full((2, GRID.size), 1e5))
+    index = np.full((12, GRID.size), 1.5)
+    for coat, refractive_index in (
+        (Mixture(paints, weights), 1.5),
+        (Mixture(paints, weights.reshape(3, 4, 2)), 1.5),
+        (batch, 1.5),
+        (paints[0], index),
+    ):
+        with refusal("only thickness and ground may differ"):
+            picture([coat], [ramp], 0.8, refractive_index=refractive_index)

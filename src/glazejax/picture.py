@@ -99,8 +99,9 @@ def picture(
 
     Raises:
         ValueError: maps of different shapes, none at all, a thickness that is NaN, negative or not
-            in metres, another number of maps than coats, an angle for each of many directions, or
-            what `Glaze` and the colour functions refuse.
+            in metres, another number of maps than coats, an angle for each of many directions,
+            paints, fractions or an index with batch axes, or what `Glaze` and the colour functions
+            refuse.
 
     Notes:
         Up to three maps that are not constant are interpolated, with an error checked at pixels of
@@ -186,6 +187,12 @@ class _PictureInputs:
         ]
         ground = check_map("ground", ground, axes=(0, 1, 2))
         unit = Glaze(coats, ground if ground.ndim < 2 else 0.0, refractive_index)
+        batch = unit.albedo.shape[:-2] or np.shape(unit.refractive_index)[:-1]
+        if batch:
+            raise ValueError(
+                f"a paint, its fractions or the index have batch axes {batch}: from pixel to pixel "
+                "only thickness and ground may differ; glazejax.interpolated takes a fraction"
+            )
         named = [(f"thickness {name}", m) for name, m in zip(names, thickness, strict=True)]
         pictures = [(name, m) for name, m in [*named, ("ground", ground)] if m.ndim == 2]
         if not pictures:
