@@ -1,5 +1,8 @@
 """Glazed pictures: equal to computing every pixel, whatever varies, and errors that help."""
 
+import warnings
+
+import jax
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -97,6 +100,14 @@ def test_more_than_three_maps_are_computed_pixel_by_pixel(paints, maps):
     image = picture([*paints, *paints], small, 0.5, delta_e=10, savings=ALL)
     assert image.computed == 17 * 17
     assert image.delta_e == 0
+
+
+@pytest.mark.parametrize(("double", "delta_e"), [(False, 0.05), (True, 1e-6)])
+def test_a_small_difference_is_no_tolerance_to_warn_of(double, delta_e):
+    with jax.enable_x64(double), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        grey = Pigment("grey", GRID, np.full(GRID.size, 1e4), np.full(GRID.size, 1e5))
+        picture([grey], [np.full((2, 2), 1e-6)], 0.5, delta_e=delta_e)
 
 
 def test_picture_is_written(paints, maps, tmp_path):

@@ -109,6 +109,7 @@ def picture(
     """
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
+    single = jnp.result_type(float) == jnp.float32
     inputs = _PictureInputs(
         paints=coats,
         maps=thickness_maps,
@@ -118,8 +119,9 @@ def picture(
         illuminant=illuminant,
         observer=observer,
         # For one unit of the colour difference: near black, where colour differences are most
-        # sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
-        tolerance=min(1e-3, 1e-5 * delta_e),
+        # sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06. Below the least that the
+        # solver takes without a warning, it would warn of an argument that nobody gave.
+        tolerance=min(1e-3, max(1e-5 * delta_e, 1e-6 if single else 1e-10)),
         savings=savings,
     )
     # Maps that vary are the parameters; equal pixels are computed once.
