@@ -20,6 +20,7 @@ from glazejax import (
 )
 from glazejax.radiative.plan.plan import ALL
 
+from .checks import largest_difference
 from .refusals import refusal
 
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -112,10 +113,13 @@ def test_a_small_difference_is_no_tolerance_to_warn_of(double, delta_e):
 
 def test_picture_is_written(paints, maps, tmp_path):
     path = tmp_path / "picture.png"
-    picture(paints, maps, 0.85).save(path)
+    image = picture(paints, maps, 0.85)
+    image.save(path)
     from matplotlib.image import imread
 
     assert imread(path).shape[:2] == SIZE
+    # The nearest of 256 levels.
+    assert largest_difference(imread(path)[..., :3], image.srgb) < 0.501 / 255
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,9 @@ class Picture:
     computed: int
 
     def save(self, path: str | Path) -> None:
-        """Write the picture to a file; the ending, such as .png, says the format.
+        """Write the picture to a file, of 8 bits; the ending, such as .png, says the format.
+
+        A file that is there is replaced.
 
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
@@ -60,7 +62,9 @@ class Picture:
         require("matplotlib")
         from matplotlib.image import imsave
 
-        imsave(path, np.asarray(self.srgb, dtype=np.float64))
+        # Rounded here: matplotlib cuts off what is between two levels.
+        levels = np.round(255.0 * np.clip(np.asarray(self.srgb, np.float64), 0.0, 1.0))
+        imsave(path, levels.astype(np.uint8))
 
     def __repr__(self) -> str:
         return f"Picture({' x '.join(map(str, self.srgb.shape[:2]))}: {self.report})"
