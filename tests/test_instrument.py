@@ -96,6 +96,22 @@ def test_surface_is_seen_by_the_mirror_direction_only():
     assert Instrument(Bidirectional(45, 45, specular=True, azimuth=180)).seen_surface == 0.0
 
 
+@pytest.mark.parametrize(
+    ("geometry", "notation"),
+    [
+        (Bidirectional(45, 0, specular=True), "45:0"),
+        (Bidirectional(45, 45, specular=True, azimuth=180), "45:45"),
+        (Bidirectional(45, 45, specular=True, azimuth=360), "45:45:specular"),
+        (Bidirectional(0, 0, specular=True, azimuth=90), "0:0:specular"),
+    ],
+)
+def test_words_say_whether_the_mirror_reflection_is_in_view(geometry, notation):
+    in_view = bool(geometry.sees_surface)
+    assert geometry.notation == notation
+    assert bool(parse_geometry(notation).sees_surface) == in_view
+    assert ("no mirror reflection" in geometry.describe()) != in_view
+
+
 def test_mirror_direction_keeps_batch_axes():
     angles = np.array([0.0, 30.0, 45.0])
     seen = Bidirectional(

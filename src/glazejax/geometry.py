@@ -122,14 +122,15 @@ class Bidirectional(eqx.Module):
     @property
     def notation(self) -> str:
         """Notation that `parse_geometry` reads, such as ``45:0``; single angles only, and no
-        azimuth.
+        azimuth. It asks for the mirror reflection where that is in view.
         """
-        mirror = ":specular" if self.specular else ""
+        mirror = ":specular" if np.any(self.sees_surface) else ""
         return f"{float(self.incidence):g}:{float(self.viewing):g}{mirror}"
 
     def describe(self) -> str:
         """The geometry in words."""
-        mirrored = "mirror reflection included" if self.specular else "no mirror reflection"
+        in_view = np.any(self.sees_surface)
+        mirrored = "mirror reflection included" if in_view else "no mirror reflection"
         return f"light at {_degrees(self.incidence)}, view at {_degrees(self.viewing)}, {mirrored}"
 
 
