@@ -1,5 +1,6 @@
 """The instrument in words: one vocabulary for the command line and for Python."""
 
+import jax
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,6 +9,7 @@ import glazefit
 import glazejax
 from glazejax import Bidirectional, Hemispherical, Instrument
 from glazejax.geometry import parse_geometry, resolve_instrument
+from glazejax.stacks import stack_of
 
 from .refusals import refusal
 
@@ -76,6 +78,28 @@ def test_the_class_has_one_name_in_both_packages():
     assert hash(Instrument.parse("45:0")) == hash(Instrument(Bidirectional(45, 0)))
     with refusal("refractive index 3 is outside"):
         Instrument(refractive_index=3)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "name"),
+    [
+        (Bidirectional([30.0, 45.0], 0), "incidence"),
+        (Bidirectional(45, [0.0]), "viewing"),
+        (Bidirectional(45, 0, azimuth=[0.0, 90.0]), "azimuth"),
+        (Hemispherical([8.0, 10.0]), "incidence"),
+    ],
+)
+def test_an_instrument_has_one_angle_of_each_kind(geometry, name):
+    with refusal(f"one angle of each kind, but {name} is an array"):
+        Instrument(geometry)
+    glaze = glazejax.Glaze([glazejax.Layer(glazejax.catalogue.pigment("CobaltBlue"), 1e-6)], 0.5)
+    with refusal("one angle of each kind"):
+        stack_of(glaze, geometry)
+
+
+def test_an_angle_that_is_traced_makes_an_instrument():
+    cosine = jax.jit(lambda angle: Instrument(Hemispherical(angle)).geometry.cos_incidence)
+    assert cosine(60.0) == pytest.approx(0.5)
 
 
 def test_surface_is_seen_by_the_mirror_direction_only():

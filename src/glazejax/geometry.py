@@ -213,7 +213,7 @@ class Instrument:
         refractive_index: of paint and of the cards' surface, in [1, 2.5].
 
     Raises:
-        ValueError: an index out of range.
+        ValueError: an index out of range, or several angles.
     """
 
     geometry: Geometry = field(default_factory=Hemispherical)
@@ -225,6 +225,12 @@ class Instrument:
             raise ValueError(
                 f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]"
             )
+        for name, angle in vars(self.geometry).items():
+            if np.ndim(angle):
+                raise ValueError(
+                    f"an instrument has one angle of each kind, but {name} is an array of shape "
+                    f"{np.shape(angle)}: make an instrument for each"
+                )
 
     @classmethod
     def parse(cls, text: str, refractive_index: float = 1.5) -> "Instrument":

@@ -312,7 +312,8 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         instrument: that it is seen with; single angles.
 
     Raises:
-        ValueError: a glaze that no stack's file can hold; the message says what of it.
+        ValueError: a glaze that no stack's file can hold, or several angles; the message says what
+            of it.
     """
     if not glaze.coats:
         raise ValueError("a glaze without coats is its ground: there is nothing to save")
@@ -333,7 +334,7 @@ def stack_of(glaze: Glaze, instrument: Instrument | Geometry | str = "45:0") -> 
         coats=coats,
         ground=float(ground) if ground.size == 1 else Spectrum(glaze.wavelengths, ground),
         refractive_index=float(glaze.refractive_index),
-        instrument=geometry_of(instrument).notation,
+        instrument=Instrument(geometry_of(instrument)).geometry.notation,
         pigments=MappingProxyType(own_paints),
     )
 
