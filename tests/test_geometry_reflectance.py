@@ -128,6 +128,17 @@ def test_specular_part_is_fresnel(angle):
     )
 
 
+def test_every_azimuth_has_its_entry():
+    """Isotropic paint looks the same from all sides, in as many spectra as a phase function has."""
+    glaze = Glaze([Layer(RED, 2e-5)], 0.8)
+    turned = reflectance(glaze, Bidirectional(45.0, 10.0, azimuth=[0.0, 90.0]))
+    assert turned.shape == (2, GRID.size)
+    assert_allclose(turned, [reflectance(glaze, Bidirectional(45.0, 10.0))] * 2, rtol=1e-12)
+    angles = np.array([[10.0], [20.0], [30.0]])
+    fan = Bidirectional(45.0, angles, azimuth=[0.0, 90.0])
+    assert reflectance(glaze, fan).shape == (3, 2, GRID.size)
+
+
 @pytest.mark.parametrize(
     "geometry",
     [slow(Bidirectional(45, 0)), Hemispherical()],

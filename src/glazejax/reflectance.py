@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .geometry import Geometry, Hemispherical, Instrument, geometry_of
@@ -84,6 +85,11 @@ def reflectance(
             # Angles of a batch broadcast against the bands.
             options["azimuth"] = azimuth[..., None] if azimuth.ndim else azimuth
         diffuse = factor(*stack, cos_viewing=geometry.cos_viewing, **options)
+        turns = np.shape(geometry.azimuth)
+        if phase is None and turns:
+            # The same at every azimuth, but each has its entry.
+            shape = np.broadcast_shapes(diffuse.shape, (*turns, 1))
+            diffuse = jnp.broadcast_to(diffuse, shape)
     if not geometry.specular:
         return diffuse
     # What the outer surface mirrors is no part of the stack's reflectance.
