@@ -27,6 +27,7 @@ from glazejax.stacks import (
     parse_stack,
     read_stack,
     stack_from_dict,
+    stack_of,
     stack_to_dict,
     write_stack,
 )
@@ -233,6 +234,44 @@ FORWARD = Pigment("F", GRID, [1e4] * 4, [1e4] * 4, phase=[1.0, 0.5])
 def test_what_no_file_holds_is_said(tmp_path, glaze, words):
     with refusal(words):
         save_glaze(glaze, tmp_path / "glaze.json")
+
+
+def flat(name: str = "Flat", bands: int = 4) -> Pigment:
+    """A paint of one's own on a grid of so many bands."""
+    grid = np.linspace(350.0, 2500.0, bands)
+    return Pigment(name, grid, np.full(bands, 1e5 / 7), np.full(bands, 1e5 / 3))
+
+
+def test_a_paint_of_a_field_instrument_is_saved_and_loaded(tmp_path):
+    glaze = Glaze([Layer(flat(bands=2151), 1e-6)], 0.5)
+    again = load_glaze(save_glaze(glaze, tmp_path / "glaze.json"))
+    assert_array_equal(again.coats[0].medium.absorption, glaze.coats[0].medium.absorption)
+
+
+@pytest.mark.parametrize(
+    ("stack", "words"),
+    [
+        (stack_of(Glaze([Layer(flat(bands=5001), 1e-6)], 0.5)), "1 to 5000 numbers"),
+        (stack_of(Glaze([Layer(COBALT, 1e-7)] * 101, 0.5)), "a list of 100 coats"),
+        (stack_of(Glaze([Layer(flat("n" * 201), 1e-6)], 0.5)), "more than 200 characters"),
+        (stack_of(Glaze([Layer(COBALT, 1e-6)], 0.5), Hemispherical(89.9999999)), "d:90"),
+        (Stack((Coat(tuple((0.2, name) for name in "abcde"), 1e-6, 1),)), "1 to 4 paints"),
+    ],
+    ids=["bands", "coats", "name", "angle", "paints"],
+)
+def test_what_could_not_be_read_again_is_not_written(tmp_path, stack, words):
+    path = write_stack(tmp_path / "stack.json", stack_from_dict(GIVEN))
+    before = path.read_bytes()
+    with refusal(f"stack.json: .*{words}"):
+        write_stack(path, stack, digits=17, overwrite=True)
+    assert path.read_bytes() == before
+
+
+def test_a_stack_that_is_too_large_to_be_read_is_not_written(tmp_path):
+    glaze = Glaze([Layer(flat(f"x{i}", 5000), 1e-6) for i in range(25)], 0.5)
+    with refusal("the stack takes .* MB, and 8 MB are read .*: resample"):
+        save_glaze(glaze, tmp_path / "glaze.json")
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

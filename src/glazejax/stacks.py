@@ -54,7 +54,9 @@ BLACK = 0.025
 MOST_PARTS = 4
 """Paints in one coat, at most."""
 MOST_COATS = 100
-_MOST_BYTES = 1 << 20
+_MOST_BYTES = 8 << 20
+# A field instrument reads 2151, from 350 to 2500 nm. The page has the same bound (check.js).
+_MOST_BANDS = 5000
 _KEYS = {"glazejax", "version", "coats", "ground", "refractive_index", "geometry", "pigments"}
 
 
@@ -248,12 +250,21 @@ def write_stack(
         The path.
 
     Raises:
+        ValueError: `read_stack` would refuse it; nothing is written.
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
-    content = json.dumps(stack_to_dict(stack, digits), indent=1, ensure_ascii=False)
-    write_files({path: [f"{content}\n".encode()]}, overwrite=True)
+    text = json.dumps(stack_to_dict(stack, digits), indent=1, ensure_ascii=False)
+    content = f"{text}\n".encode()
+    with naming(path):
+        if len(content) > _MOST_BYTES:
+            raise ValueError(
+                f"the stack takes {len(content) / 2**20:.1f} MB, and {_MOST_BYTES >> 20} MB are "
+                "read of such a file: resample its own paints to fewer wavelengths"
+            )
+        parse_stack(text)
+    write_files({path: [content]}, overwrite=True)
     return path
 
 
@@ -297,7 +308,8 @@ def save_glaze(
 
     Raises:
         ValueError: what such a file does not hold: no coats, batch axes, phase functions, an
-            index that varies, more than four paints in a coat.
+            index that varies, several angles, more than four paints in a coat, or what else
+            `load_glaze` would refuse. Nothing is written then.
         FileExistsError, FileNotFoundError, IsADirectoryError: see
             `glazejax.io.outputs.check_output`.
     """
@@ -599,11 +611,10 @@ def _number(what: str, value_given: Any, low: float, high: float) -> float:
 
 
 def _curve(what: str, numbers: Any) -> Bands:
-    most = 1000
     if (
         not isinstance(numbers, list)
-        or not 1 <= len(numbers) <= most
+        or not 1 <= len(numbers) <= _MOST_BANDS
         or None in map(_real, numbers)
     ):
-        raise ValueError(f"{what} must be a list of 1 to {most} numbers")
+        raise ValueError(f"{what} must be a list of 1 to {_MOST_BANDS} numbers")
     return np.array(numbers, float)

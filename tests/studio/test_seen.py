@@ -360,6 +360,13 @@ def test_junk_in_any_place_is_refused_and_never_a_fault():
         assert not isinstance(said, str) or said.startswith("Sentence: "), (one, said)
 
 
+def test_a_paint_of_a_field_instrument_is_taken():
+    grid = [350.0 + band for band in range(2151)]
+    wide = {"wavelengths": grid, "absorption": [1e4] * 2151, "scattering": [1e5] * 2151}
+    [stack] = check(question_with(coats=[{"paint": {"A": 1}, "um": 2}], pigments={"A": wide}))
+    assert stack["pigments"]["A"] == wide
+
+
 def test_a_check_gives_the_stack_as_it_is_understood():
     [found] = check(question_with(coats=[{"paint": {"cobalt blue": 5}, "um": 2}]))
     assert found["coats"] == [{"paint": {"CobaltBlue": 5}, "um": 2}]

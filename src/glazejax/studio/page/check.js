@@ -3,7 +3,7 @@ import { parseGeometry } from "./solver.js";
 import { Sentence } from "./seen.js";
 
 const KEYS = ["glazejax", "version", "coats", "ground", "refractive_index", "geometry", "pigments"];
-const MOST_BANDS = 1000;
+const MOST_BANDS = 5000;
 const CURVES = ["absorption", "scattering"];
 const ERRORS = ["absorption_sd", "scattering_sd"];
 
