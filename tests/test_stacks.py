@@ -248,6 +248,13 @@ def test_a_paint_of_a_field_instrument_is_saved_and_loaded(tmp_path):
     assert_array_equal(again.coats[0].medium.absorption, glaze.coats[0].medium.absorption)
 
 
+def test_a_name_with_a_stroke_is_marked_once(tmp_path):
+    glaze = Glaze([Layer(flat("Blue 1/2"), 1e-6)], 0.5)
+    for _ in range(2):
+        glaze = load_glaze(save_glaze(glaze, tmp_path / "glaze.json", overwrite=True))
+        assert glaze.coats[0].medium.name == "Blue 1/2 (own)"
+
+
 @pytest.mark.parametrize(
     ("stack", "words"),
     [

@@ -186,7 +186,9 @@ def all_paints() -> dict[str, Pigment]:
 
 def own_name(name: str) -> str:
     """A name for an own paint that none of the catalogues' has."""
-    return f"{name} (own)" if name in all_paints() or "/" in name else name
+    # A stroke is the catalogues', but for a name that was marked before.
+    stroke = "/" in name and not name.endswith(" (own)")
+    return f"{name} (own)" if stroke or name in all_paints() else name
 
 
 def paints(stack: Stack) -> Shelf:
