@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import glazejax as gj
 from glazejax.radiative.common import chunks
 from glazejax.radiative.common.chunks import on_all_cores
+from glazejax.radiative.stack import _Inputs, _plan, _prepare
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
 from ..slow import slow
@@ -105,3 +106,19 @@ def test_every_entry_comes_once_whatever_the_size(size):
 
 def _twice(batch, factor):
     return jax.tree.map(lambda x: factor * x, batch)
+
+
+def test_small_arrays_of_a_large_batch_leave_nothing_behind():
+    """A plan holds arrays of the whole batch, and plans are kept."""
+
+    def prepare(count):
+        q, depth = np.full((count, 1, 2), 0.5), np.full((1, 64, 2), 1.0)
+        return _prepare(_Inputs(q, depth, 0.5, 1.5, 1.0, 1.0), 1e-6, "ordinates")
+
+    before = _plan.cache_info().misses
+    stack, _, batch = prepare(128)
+    assert batch == (128, 64)
+    assert stack.albedo.shape == (2**13, 2)
+    assert _plan.cache_info().misses == before
+    prepare(127)
+    assert _plan.cache_info().misses == before + 1

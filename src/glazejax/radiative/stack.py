@@ -25,6 +25,7 @@ from .common.inputs import (
     BatchShape,
     Numbers,
     batch_of_stacks,
+    batch_shape,
     check_choice,
     check_given,
     check_tolerance,
@@ -302,6 +303,8 @@ def _prepare(
         method != "ordinates"
         or not all(isinstance(number, float | None) for number in numbers)
         or not all(isinstance(a, float | np.ndarray) and 0 < np.size(a) < _MANY for a in arrays)
+        # Small arrays may broadcast to many stacks, and a plan keeps an array of all of them.
+        or _stacks(*map(np.shape, arrays)) >= _MANY
     ):
         return _prepare_any(inputs, tolerance, method)
     # Shapes alone plan the rest, once; arrays are new each time.
@@ -316,6 +319,16 @@ def _prepare(
         for array, planned in zip(arrays, stack, strict=False)
     )
     return StackArrays(*flat, *stack[3:]), settings, batch
+
+
+def _stacks(albedo: BatchShape, optical_thickness: BatchShape, ground: BatchShape) -> int:
+    """Number of stacks that arrays of these shapes make."""
+    shapes = {
+        "albedo": albedo[:-1],
+        "optical_thickness": optical_thickness[:-1],
+        "substrate_reflectance": ground,
+    }
+    return math.prod(batch_shape(shapes))
 
 
 @functools.lru_cache(maxsize=256)
