@@ -293,6 +293,7 @@ def test_groups_by_depth_and_blocks():
     ("change", "words"),
     [
         ({"albedo": [1.2]}, "albedo holds 1.2"),
+        ({"albedo": np.ma.array([0.5], mask=True)}, "albedo has masked values"),
         ({"tolerance": 0.0}, "tolerance is 0"),
         ({"band_weights": np.ones((3, 1))}, "band_weights"),
     ],

@@ -30,6 +30,7 @@ from .common.inputs import (
     batch_shape,
     check_choice,
     check_given,
+    check_mask,
     check_tolerance,
     check_values,
     concrete,
@@ -173,6 +174,9 @@ def _film(
     profiles: dict[str, Profile], film_thickness: Numbers, light: Illumination
 ) -> _ProfileFilm:
     dtype = jnp.result_type(float)
+    # JAX would take the numbers under a mask.
+    for name, value in {**profiles, "thickness": film_thickness}.items():
+        check_mask(name, value)
     thickness = jnp.asarray(film_thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
     functions = []

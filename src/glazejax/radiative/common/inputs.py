@@ -114,9 +114,10 @@ def check_values(arguments: Mapping[str, Numbers | None]) -> None:
 
 
 def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
-    """The value as an array of real numbers, or None while it is traced; words, None and ragged
-    rows are refused.
+    """The value as an array of real numbers, or None while it is traced; words, None, ragged rows
+    and masked numbers are refused.
     """
+    check_mask(name, value)
     try:
         numbers = concrete(value)
     except (ValueError, TypeError):
@@ -130,6 +131,19 @@ def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
         )
         raise ValueError(f"{name} is {wrong}; it must be a real number or an array of them")
     return numbers
+
+
+def check_mask(name: str, value: Any) -> None:
+    """Refuse an array of NumPy some of whose values are masked.
+
+    Raises:
+        ValueError: names the argument.
+    """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any():
+        raise ValueError(
+            f"{name} has masked values, and what they are is not known: leave them out, or fill "
+            "them: values.filled(0.5)"
+        )
 
 
 def check_tolerance(tolerance: float) -> None:

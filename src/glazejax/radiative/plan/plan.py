@@ -17,7 +17,14 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_given, check_tolerance
+from ..common.inputs import (
+    BatchOfStacks,
+    Numbers,
+    batch_of_stacks,
+    check_given,
+    check_mask,
+    check_tolerance,
+)
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
 from .bounds import count_filled
@@ -314,6 +321,7 @@ def _check_known(name: str, value: Any, dtype: type = float) -> np.ndarray:
             f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap and "
             "grad, or call stack_reflectance_factor, which needs no plan"
         )
+    check_mask(name, value)
     return np.asarray(value, dtype)
 
 
