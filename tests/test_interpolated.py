@@ -172,6 +172,13 @@ def test_what_the_function_refuses_is_passed_on():
         ({"tolerance": 0.0}, "tolerance is 0"),
         ({"samples": {"y": [0.5]}}, "samples are of y"),
         ({"samples": {"x": [1.5]}}, "x is 1.5"),
+        ({"samples": {"x": []}}, "samples have 0 values of x"),
+        (
+            {"ranges": {"x": (0, 1), "y": (0, 1)}, "samples": {"x": [0.1, 0.2], "y": [0.3]}},
+            "samples have 2, 1 values of x, y: give each parameter as many",
+        ),
+        ({"samples": {"x": ["a"]}}, r"samples of 'x' must be known numbers, not \['a'\]"),
+        ({"ranges": {"x": ("low", "high")}}, r"the range of 'x' must be known numbers"),
         ({"function": lambda x: np.float64(1.0)}, "jax.vmap"),
     ],
 )

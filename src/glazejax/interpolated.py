@@ -185,9 +185,9 @@ def interpolated(
 
     Raises:
         ValueError: no parameter or more than three, a range that is empty or not finite, a
-            tolerance that is not positive, samples outside the ranges, or a function that returns
-            NaN (the point is named), traced values or another number of points. What the function
-            itself refuses, such as a negative thickness, is passed on.
+            tolerance that is not positive, samples outside the ranges, of unlike number or none,
+            or a function that returns NaN (the point is named), traced values or another number of
+            points. What the function itself refuses, such as a negative thickness, is passed on.
     """
     if not isinstance(ranges, Mapping):
         raise ValueError(
@@ -207,7 +207,13 @@ def interpolated(
             raise ValueError(
                 f"samples are of {', '.join(samples)}, but the parameters are {', '.join(names)}"
             )
-        columns = [np.asarray(samples[name], float).reshape(-1) for name in names]
+        columns = [_floats(f"samples of {name!r}", samples[name]).reshape(-1) for name in names]
+        sizes = [column.size for column in columns]
+        if len(set(sizes)) > 1 or 0 in sizes:
+            raise ValueError(
+                f"samples have {', '.join(map(str, sizes))} values of {', '.join(names)}: give "
+                "each parameter as many, one at least"
+            )
         for name, column, (low, high) in zip(names, columns, ends, strict=True):
             _check_range(name, column, Axis(low, high))
         drawn = np.stack(columns, axis=1)
@@ -253,13 +259,20 @@ def at_points(
 
 
 def _ends(name: str, pair: Numbers) -> tuple[float, float]:
-    values = np.asarray(pair, float)
+    values = _floats(f"the range of {name!r}", pair)
     if values.shape != (2,):
         raise ValueError(f"the range of {name!r} must be (low, high), not of shape {values.shape}")
     low, high = values.tolist()
     if not -np.inf < low < high < np.inf:
         raise ValueError(f"the range {low:g} to {high:g} of {name!r} must be finite and not empty")
     return low, high
+
+
+def _floats(what: str, values: Numbers) -> np.ndarray:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must be known numbers, not {values!r:.60}") from None
 
 
 def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
