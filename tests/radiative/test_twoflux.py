@@ -26,6 +26,7 @@ from glazejax.radiative.twoflux import (
     two_flux_surface,
 )
 from tests.checks import finite
+from tests.refusals import refusal
 from tests.tolerances import LAST_DIGITS, ROUNDING
 
 amounts = st.floats(0.0, 50.0)
@@ -75,6 +76,28 @@ def test_energy(k, s):
     assert reflectance + transmittance <= 1 + 1e-12
     if k == 0:
         assert reflectance + transmittance == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("function", "values", "words"),
+    [
+        (two_flux_reflectance, (1.0, 2.0, 84.0), "substrate_reflectance holds 84.0.*not percent"),
+        (two_flux_reflectance, (1.0, 2.0, -0.1), "substrate_reflectance holds -0.1"),
+        (two_flux_layer, (-1.0, 2.0), "absorption holds -1.0"),
+        (two_flux_stack, (np.ones(2), np.array([2.0, np.inf])), "scattering holds inf"),
+        (two_flux_field, (1.0, 2.0, 30.0), "share holds 30.0"),
+        (two_flux_field, (1.0, 2.0, 0.5, 84.0), "substrate_reflectance holds 84.0"),
+    ],
+)
+def test_what_is_out_of_range_is_named(function, values, words):
+    with refusal(words):
+        function(*values)
+    # What is traced can't be refused.
+    assert jax.eval_shape(function, *values) is not None
+
+
+def test_a_ground_may_exceed_one_by_rounding():
+    assert two_flux_reflectance(0.0, 2.0, 1.0 + 1e-12) == pytest.approx(1.0)
 
 
 def test_slopes_at_the_ends():

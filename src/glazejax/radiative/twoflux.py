@@ -1,15 +1,18 @@
 """Kubelka-Munk's two fluxes: what most paint programs compute, for comparison and as a starting
 point.
 
-K and S are not the k and s of radiative transfer: see `kubelka_munk_from_radiative`.
+K and S are not the k and s of radiative transfer: see `kubelka_munk_from_radiative`. Values out of
+range are refused where they are known; what JAX traces is not looked at.
 """
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from .common.inputs import check_values, concrete
 from .common.kernels import tanh_sech
 
 
@@ -25,8 +28,12 @@ def two_flux_layer(
         absorption: K d, (...), >= 0.
         scattering: S d, (...), >= 0.
 
+    Raises:
+        ValueError: a value out of range, which is named.
+
     Source: paper C (Shinya et al.), equation (10); Kubelka and Munk (1931).
     """
+    check_values({"absorption": absorption, "scattering": scattering})
     k, s = jnp.broadcast_arrays(jnp.asarray(absorption, float), jnp.asarray(scattering, float))
     # (b S d)^2 = K d (K d + 2 S d).
     tanh, sech = tanh_sech(k * (k + 2.0 * s), jnp.ones_like(k))
@@ -43,7 +50,15 @@ def two_flux_reflectance(
     Args:
         absorption, scattering: K d and S d, (...), >= 0.
         substrate_reflectance: (...), in [0, 1].
+
+    Raises:
+        ValueError: a value out of range, which is named.
     """
+    below = concrete(substrate_reflectance)
+    if below is not None:
+        # What another layer reflects may be a hair above 1, by rounding.
+        hair = (below > 1) & (below < 1 + 1e-5)
+        check_values({"substrate_reflectance": np.where(hair, 1.0, below)})
     reflectance, transmittance = two_flux_layer(absorption, scattering)
     ground = jnp.asarray(substrate_reflectance)
     return reflectance + transmittance**2 * ground / (1.0 - reflectance * ground)
@@ -136,9 +151,13 @@ def two_flux_field(
         share: depth over thickness, (...), in [0, 1].
         substrate_reflectance: (...), in [0, 1].
 
+    Raises:
+        ValueError: a value out of range, which is named.
+
     Source: paper C, equation (9), as the light between the part above and the part below: nothing
     overflows.
     """
+    check_values({"absorption": absorption, "scattering": scattering, "share": share})
     k, s, above, ground = jnp.broadcast_arrays(
         *(jnp.asarray(x, float) for x in (absorption, scattering, share, substrate_reflectance))
     )

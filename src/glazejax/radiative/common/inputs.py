@@ -35,6 +35,10 @@ _RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
     "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
     "azimuth": ("a finite number of degrees", lambda x: abs(x) < np.inf),
+    # Of two fluxes, times the thickness.
+    "absorption": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
+    "scattering": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
+    "share": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
 }
 
 
