@@ -293,3 +293,12 @@ def test_empty_batches_and_masks_of_nothing_are_colours():
     assert_array_equal(lab(GRID, np.ma.masked_array(np.full(31, 0.5))), lab(GRID, np.full(31, 0.5)))
     # A bright one is no slip.
     assert lab(GRID, np.full(31, 1.2))[0] > 100
+
+
+@pytest.mark.parametrize("dtype", [np.float16, jnp.bfloat16])
+def test_half_precision_is_computed_in_single(dtype):
+    half = jnp.asarray(np.linspace(0.1, 0.9, GRID.size), dtype)
+    values = lab(GRID, half)
+    assert values.dtype == jnp.float32
+    assert_allclose(values, lab(GRID, half.astype(jnp.float32)), atol=1e-4)
+    assert_allclose(lab(GRID, np.asarray(half)), values, atol=1e-4)

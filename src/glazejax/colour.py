@@ -334,8 +334,9 @@ def _compute(
     compiled program.
     """
     arrays = [as_array(value) for value in (values, *constants)]
-    # The type that JAX computes in: float32 unless the user has asked for more.
+    # The type that JAX computes in: float32 unless the user has asked for more, and never less.
     kind = arrays[0].dtype if jnp.issubdtype(arrays[0].dtype, jnp.floating) else np.dtype(float)
+    kind = kind if kind.itemsize >= 4 else np.dtype(np.float32)
     kind = jax.dtypes.canonicalize_dtype(kind)
     arrays = [array if array.dtype == kind else array.astype(kind) for array in arrays]
     return on_numpy_or_jax(core, *arrays) if small(*arrays) else _compile(core, *arrays)
