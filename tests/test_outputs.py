@@ -87,3 +87,11 @@ def test_a_link_is_written_through(tmp_path):
     write_files({link: [b"new"]}, overwrite=True)
     assert link.is_symlink()
     assert real.read_bytes() == b"new"
+
+
+def test_a_link_to_no_file_is_written_through(tmp_path):
+    link, real = tmp_path / "link.csv", tmp_path / "real.csv"
+    link.symlink_to(real)
+    write_files({link: [b"new"]})
+    assert link.is_symlink()
+    assert real.read_bytes() == b"new"

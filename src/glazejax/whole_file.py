@@ -15,7 +15,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     away if that fails. So a file is there whole, or as it was before. A device, a pipe or a
     link, such as /dev/stdout, is written to as it is.
     """
-    if path.exists() and (path.is_symlink() or not path.is_file()):
+    # A link counts whether or not there is a file where it leads.
+    if path.is_symlink() or (path.exists() and not path.is_file()):
         yield path
         return
     # Programs that write the same file at one time each write a part of their own, and so do files
