@@ -64,6 +64,20 @@ def test_a_folder_that_is_named_counts(tmp_path):
     assert list((tmp_path / "new").glob("*-cache"))
 
 
+def test_a_relative_folder_stays_where_it_was_named(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    code = """
+import os, glazejax
+glazejax.enable_program_cache("cache")
+os.chdir("elsewhere")
+import jax
+jax.jit(lambda x: x + 1)(1.0)
+"""
+    run_python(code, cwd=tmp_path)
+    assert list((tmp_path / "cache").glob("*-cache"))
+    assert not any((tmp_path / "elsewhere").iterdir())
+
+
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such owners here")
 def test_a_folder_that_others_may_write_is_not_taken(tmp_path):
     """Who can put a program there has it run."""

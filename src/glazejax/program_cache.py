@@ -53,7 +53,7 @@ def enable_program_cache(path: str | Path | None = None) -> None:
     configure("jax_logging_level", "CRITICAL")
     try:
         named = path or os.environ.get("GLAZEJAX_CACHE")
-        folder = Path(named or user_cache_path("glazejax", False) / "xla").expanduser()
+        folder = Path(named or user_cache_path("glazejax", False) / "xla").expanduser().absolute()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         # An old umask may have let others write in a folder of one's own.
         if not named and _others(folder) == _WRITABLE:
