@@ -19,7 +19,6 @@ EXTRAS = PROJECT["optional-dependencies"]
 OPTIONAL = {
     "typer": "commands",
     "rich": "commands",
-    "platformdirs": "commands",
     "matplotlib": "plots",
     "corner": "plots",
     "jinja2": "plots",

@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 
 # Extra -> names to import of the packages that it brings.
 _EXTRAS = {
-    "commands": "typer rich platformdirs",
+    "commands": "typer rich",
     "plots": "matplotlib corner jinja2",
     "formats": "python_calamine",
     "arviz": "arviz h5py",
