@@ -61,33 +61,36 @@ def mitsuba_in(variant: str):
     return mi
 
 
-def interaction(
-    mi, cosine: float, azimuth: float = 0.0, wavelengths=(450.0, 500.0, 550.0, 600.0), uv=(0.5, 0.5)
-):
+def interaction(cosine: float, wavelengths=(450.0, 500.0, 550.0, 600.0), uv=(0.5, 0.5)):
     """A point seen from a direction, at four wavelengths."""
     import drjit as dr
+    import mitsuba as mi
 
     si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = direction(mi, cosine, azimuth)
+    si.wi = direction(cosine)
     si.uv = mi.Point2f(*map(float, uv))
     si.wavelengths = mi.UnpolarizedSpectrum([float(w) for w in wavelengths])
     return si
 
 
-def direction(mi, cosine: float, azimuth: float = 0.0):
+def direction(cosine: float, azimuth: float = 0.0):
     """A unit vector."""
+    import mitsuba as mi
+
     sine = np.sqrt(1 - cosine**2)
     return mi.Vector3f(float(sine * np.cos(azimuth)), float(sine * np.sin(azimuth)), float(cosine))
 
 
 def factor(
-    mi, bsdf, cos_in: float, cos_out: float, wavelengths=WAVELENGTHS, uv=(0.5, 0.5), azimuth=1.0
+    bsdf, cos_in: float, cos_out: float, wavelengths=WAVELENGTHS, uv=(0.5, 0.5), azimuth=1.0
 ):
     """pi times the BSDF at the wavelengths."""
+    import mitsuba as mi
+
     found = []
     for some in np.array_split(wavelengths, -(-len(wavelengths) // 4)):
         padded = np.resize(some, 4)
-        si = interaction(mi, cos_in, 0.0, padded, uv)
-        value = np.array(bsdf.eval(mi.BSDFContext(), si, direction(mi, cos_out, azimuth))).ravel()
+        si = interaction(cos_in, padded, uv)
+        value = np.array(bsdf.eval(mi.BSDFContext(), si, direction(cos_out, azimuth))).ravel()
         found.append(np.pi * value[: some.size] / cos_out)
     return np.concatenate(found)
