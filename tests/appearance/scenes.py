@@ -22,6 +22,11 @@ def blue_glaze(thickness: Numbers = 3e-6):
     return coated(0.8, bands=GRID, UltramarineBlue=thickness, ZincWhite=20e-6)
 
 
+def rising(first, last):
+    """A spectrum that rises evenly."""
+    return np.linspace(first, last, GRID.size)
+
+
 def half_range(count):
     """Cosines from 0 to 1, and weights of twice the integral over them."""
     nodes, weights = np.polynomial.legendre.leggauss(count)

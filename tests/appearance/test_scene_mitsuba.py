@@ -21,12 +21,11 @@ from glazejax.appearance.mitsuba import variants
 from glazejax.appearance.scene.draw.render import render
 from glazejax.appearance.scene.lights import AreaLight, ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material, Phong
-from glazejax.appearance.scene.path import path_trace as tracing
 from glazejax.appearance.scene.path.mitsuba_shapes import relief_mesh, repeats, write_ply
 from glazejax.appearance.scene.path.path_trace import passes_of, path_trace
 from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.scene import Camera, Scene
-from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 
 from ..fresh import run_python
 from ..glazes import coated
@@ -34,11 +33,12 @@ from ..refusals import refusal
 from ..slow import slow
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
-ABOVE = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), field_of_view=1.0)
 UP = (0.0, 1.0, 0.0)
-GROUND: list[Shape] = [Plane("m", size=(4.0, 4.0), up=UP)]
+ABOVE = Camera((0.0, 0.0, 10.0), up=UP, field_of_view=1.0)
+GROUND = [Plane("m", size=(4.0, 4.0), up=UP)]
 GREY = {"m": Lambert(0.5)}
 SUN = ParallelLight((0.0, 0.0, -1.0), 1.0)
+BALL = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 50.0)
 
 
 @pytest.fixture
@@ -63,13 +63,7 @@ def luminance(scene, samples=4096, **how):
 
 
 @pytest.mark.optimised
-@pytest.mark.parametrize(
-    "name",
-    [
-        "diffuse",
-        *(slow(name) for name in ("copper", "glaze", "map")),
-    ],
-)
+@pytest.mark.parametrize("name", ["diffuse", *map(slow, ("copper", "glaze", "map"))])
 def test_pictures_are_those_of_the_ray_caster(name, mi):
     case = cases(32, 24)[name]
     mine, traced = ours(case, antialias=10), theirs(case, samples=1024)
@@ -90,10 +84,7 @@ def over_a_floor(size, aside):
     return made(
         [Plane("m", normal=(0.1, -0.2, 1.0)), Sphere("m", place(0.0, 0.0, 0.9), 0.6 * size)],
         GREY,
-        [
-            ParallelLight((0.6, 1.0, -1.2), 0.6),
-            PointLight(place(-2.0, -2.0, 3.5), 5.0 * size**2),
-        ],
+        [ParallelLight((0.6, 1.0, -1.2), 0.6), PointLight(place(-2.0, -2.0, 3.5), 5.0 * size**2)],
         Camera(place(0.0, -6.0, 2.5), place(0.0, 0.0, 0.6)),
         width=24,
         height=18,
@@ -141,7 +132,7 @@ def test_a_map_repeats_on_an_endless_plane_and_on_a_mesh(mi):
 )
 def test_white_is_white_where_the_bands_end_early(mi, grid):
     light = lamp("D65", grid)
-    sun = ParallelLight((0.0, 0.0, -1.0), light)
+    sun = replace(SUN, spectrum=light)
     white = Scene(grid, GROUND, {"m": Lambert(1.0)}, [sun], ABOVE, width=16, height=16)
     xyz = path_trace(white, samples=4096).values.mean(axis=(0, 1))
     assert_allclose(xyz, light_white(light, grid), atol=2e-3)
@@ -149,20 +140,16 @@ def test_white_is_white_where_the_bands_end_early(mi, grid):
 
 def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
     # A small ball straight above: irradiance / pi = L sin^2 of its half angle.
-    light = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 50.0)
-    camera = Camera((3.0, 0.0, 3.0), (0.0, 0.0, 0.0), field_of_view=0.5)
-    found = luminance(made(GROUND, GREY, [light], camera))
+    camera = Camera((3.0, 0.0, 3.0), field_of_view=0.5)
+    found = luminance(made(GROUND, GREY, [BALL], camera))
     assert_allclose(found.mean(), 0.5 * 50.0 * (0.3 / 3.0) ** 2, rtol=4e-3)
 
 
 def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
-    light = AreaLight(
-        Plane("", (0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 2.0), UP),
-        2.0,
-    )
+    light = AreaLight(Plane("", (0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 2.0), UP), 2.0)
     below = Camera((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), UP, field_of_view=2.0)
     # The ground is far away, and so as good as black.
-    ground: list[Shape] = [Plane("m", (0.0, 0.0, -1000.0), size=(0.1, 0.1))]
+    ground = [Plane("m", (0.0, 0.0, -1000.0), size=(0.1, 0.1))]
     assert_allclose(luminance(made(ground, GREY, [light], below), 64), 2.0, rtol=2e-2)
     assert luminance(made(ground, GREY, [light], ABOVE), 64).max() < 1e-6
 
@@ -171,7 +158,7 @@ def test_a_hollow_sphere_adds_a_power_of_its_albedo_with_each_bounce(mi):
     # Every point sends every other the same share: all bounces are a geometric series.
     lamp = PointLight((0.0, 0.0, 0.0), 1.0)
     camera = Camera((0.5, 0.0, 0.0), (0.0, 0.0, -1.0), field_of_view=30.0)
-    scene = made([Sphere("m", (0.0, 0.0, 0.0), 1.0)], {"m": Lambert(0.6)}, [lamp], camera)
+    scene = made([Sphere("m")], {"m": Lambert(0.6)}, [lamp], camera)
     everything, direct = luminance(scene, 1024).mean(), luminance(scene, 64, max_depth=2).mean()
     assert everything == pytest.approx(direct / (1.0 - 0.6), rel=0.01)
 
@@ -197,9 +184,7 @@ def test_a_relief_stands_out_by_its_heights(mi):
     relief[:, :20] = 0.2
     light = ParallelLight((1.0, 0.0, -0.5), 1.0)
     plane = Plane("m", size=(2.0, 2.0), up=UP, relief=relief)
-    camera = Camera(
-        (0.0, 0.0, 20.0), (0.0, 0.0, 0.0), UP, field_of_view=float(np.rad2deg(2 * np.arctan(0.05)))
-    )
+    camera = Camera((0.0, 0.0, 20.0), up=UP, field_of_view=np.rad2deg(2 * np.arctan(0.05)))
     found = luminance(made([plane], GREY, [light], camera, width=20, height=20), 64, max_depth=2)
     row = found[10]
     lit = 0.5 * 0.5 / np.hypot(1.0, 0.5)
@@ -212,17 +197,18 @@ def test_a_relief_stands_out_by_its_heights(mi):
 def test_noise_is_what_seeds_differ_by(mi):
     light = AreaLight(Sphere("", (1.0, 0.5, 1.0), 0.4), 5.0)
     shapes = [*GROUND, Sphere("m", (0.3, 0.0, 0.2), 0.2)]
-    camera = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), UP, field_of_view=8.0)
+    camera = replace(ABOVE, field_of_view=8.0)
     scene = made(shapes, {"m": Lambert(0.6)}, [light], camera, width=16, height=16)
     found = [path_trace(scene, samples=64, seed=seed) for seed in range(8)]
     pictures = np.stack([f.values[..., 1] for f in found])
     spread = np.sqrt(pictures.var(axis=0, ddof=1).mean()) / pictures.mean()
     assert 0.6 < np.mean([f.report.pixel_noise for f in found]) / spread < 1.6
     assert_array_equal(path_trace(scene, samples=64, seed=3).values, found[3].values)
-    words = found[0].report.describe()
-    assert f"{found[0].report.samples} of each pixel" in words
+    report = found[0].report
+    words = report.describe()
+    assert f"{report.samples} of each pixel" in words
     assert "standard error" in words
-    assert found[0].report.samples >= 64
+    assert report.samples >= 64
 
 
 def test_passes_are_whole_squares_and_enough():
@@ -264,15 +250,11 @@ def test_a_picture_interrupted_before_its_first_pass_is_empty(mi):
 
 def test_a_users_own_variant_stays(mi):
     scene = made(GROUND, GREY, [SUN], width=2, height=2)
-    try:
-        mi.set_variant("scalar_rgb")
-        assert path_trace(scene, samples=4).report.variant == variants.usable_variant()
-        assert mi.variant() == "scalar_rgb"
-        mi.set_variant("scalar_spectral")
-        assert path_trace(scene, samples=4).report.variant == "scalar_spectral"
-        assert mi.variant() == "scalar_spectral"
-    finally:
-        mi.set_variant(variants.usable_variant())
+    usable = variants.usable_variant()
+    for users, drawn_in in (("scalar_rgb", usable), ("scalar_spectral", "scalar_spectral")):
+        mi.set_variant(users)
+        assert path_trace(scene, samples=4).report.variant == drawn_in
+        assert mi.variant() == users
 
 
 def test_a_variant_that_aborts_is_not_taken(mi, monkeypatch):
@@ -304,12 +286,11 @@ def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi)
         "b": Conductor(0.2, 3.0, 20.0),
         "c": Conductor(0.2, 3.0, 0.0, "hall"),
     }
-    shapes: list[Shape] = [Sphere(name, (k, 0.0, 0.0), 0.4) for k, name in enumerate(materials)]
-    found = path_trace(made(shapes, materials, [SUN]), samples=4)
-    assert len(found.report.notes) == 3
-    assert all(
-        words in " ".join(found.report.notes) for words in ("Phong", "rough metal", "'hall'")
-    )
+    shapes = [Sphere(name, (k, 0.0, 0.0), 0.4) for k, name in enumerate(materials)]
+    notes = path_trace(made(shapes, materials, [SUN]), samples=4).report.notes
+    assert len(notes) == 3
+    for words in ("Phong", "rough metal", "'hall'"):
+        assert words in " ".join(notes)
 
 
 def rough_glaze(roughness):
@@ -320,22 +301,21 @@ def square(relief=None):
     return Plane("m", size=(1.0, 1.0), relief=relief)
 
 
+SQUARE = made([square()], GREY, [SUN])
+
+
 def test_the_ray_caster_says_what_it_cannot_draw():
-    shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
-    flat = square()
-    for shape, materials, light, words in (
-        (flat, GREY, shine, "area lights"),
-        (square(np.zeros((3, 3))), GREY, SUN, "relief"),
-        (flat, {"m": rough_glaze(0.1)}, SUN, "glazes with a rough surface"),
+    for change, words in (
+        ({"lights": [BALL]}, "area lights"),
+        ({"shapes": [square(np.zeros((3, 3)))]}, "relief"),
+        ({"materials": {"m": rough_glaze(0.1)}}, "glazes with a rough surface"),
+        ({"diffuse_bounces": 2}, r"light between surfaces \(diffuse_bounces = 2\)"),
     ):
-        with refusal(f"draw {words}: use path_trace, or glazejax scene --renderer mitsuba"):
-            render(made([shape], materials, [light]))
-    between = replace(made([flat], GREY, [SUN]), diffuse_bounces=2)
-    with refusal(
-        r"draw light between surfaces \(diffuse_bounces = 2\): use path_trace, or glazejax "
-        r"scene --renderer mitsuba \(pip install 'glazejax\[render\]'\)"
-    ):
-        render(between)
+        with refusal(
+            rf"draw {words}: use path_trace, or glazejax scene --renderer mitsuba "
+            r"\(pip install 'glazejax\[render\]'\)"
+        ):
+            render(replace(SQUARE, **change))
 
 
 @pytest.mark.parametrize(
@@ -345,26 +325,14 @@ def test_the_ray_caster_says_what_it_cannot_draw():
             lambda: square(np.zeros(5)),
             r"a relief must be a map of heights \(h, w\), at least 2 x 2, not of shape \(5,\)",
         ),
-        (
-            lambda: square(np.zeros((1, 5))),
-            r"at least 2 x 2, not of shape \(1, 5\)",
-        ),
+        (lambda: square(np.zeros((1, 5))), r"at least 2 x 2, not of shape \(1, 5\)"),
         (lambda: square(np.full((3, 3), np.nan)), "finite heights"),
-        (
-            lambda: square(np.zeros((5000, 5000), bool)),
-            "5000 x 5000 heights is too fine",
-        ),
+        (lambda: square(np.zeros((5000, 5000), bool)), "5000 x 5000 heights is too fine"),
         (lambda: Plane("m", relief=np.zeros((2, 2))), "a plane with a relief needs a size"),
         (lambda: AreaLight(Plane(""), 1.0), "an area light needs a size"),
-        (
-            lambda: rough_glaze(float("nan")),
-            r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not",
-        ),
+        (lambda: rough_glaze(np.nan), r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"),
         (lambda: AreaLight(Box(""), 1.0), "a rectangle or a sphere, not a Box"),
-        (
-            lambda: AreaLight(square(np.zeros((2, 2))), 1.0),
-            "leave its relief out",
-        ),
+        (lambda: AreaLight(square(np.zeros((2, 2))), 1.0), "leave its relief out"),
     ],
 )
 def test_what_is_no_relief_and_no_area_light(make, words):
@@ -372,32 +340,26 @@ def test_what_is_no_relief_and_no_area_light(make, words):
         make()
 
 
-def test_samples_out_of_range_are_refused():
-    scene = made([square()], GREY, [SUN])
+def test_samples_and_a_tolerance_out_of_range_are_refused():
     for samples in (0, 2**21, True):
         with refusal("samples must be a whole number from 1 to"):
-            path_trace(scene, samples=samples)
-
-
-def test_a_tolerance_out_of_range_is_refused_before_anything_is_drawn():
-    scene = made([square()], GREY, [SUN])
+            path_trace(SQUARE, samples=samples)
     for tolerance in (0.0, 1.0, np.nan):
         with refusal("tolerance is .*; it must be between 0 and 1"):
-            render(scene, tolerance=tolerance)
+            render(SQUARE, tolerance=tolerance)
 
 
 def test_meshes_keep_their_coordinates(tmp_path):
     relief = np.arange(12.0).reshape(3, 4)
     mesh = relief_mesh(Plane("m", size=(4.0, 2.0), up=UP, relief=relief))
-    assert isinstance(mesh, Mesh)
-    vertices = np.asarray(mesh.vertices).reshape(3, 4, 3)
+    vertices = mesh.vertices.reshape(3, 4, 3)
     # The first row is on top, u and v run right and up.
     assert_allclose(vertices[0, :, 1], 1.0)
     assert_allclose(vertices[:, 0, 0], -2.0)
     assert_allclose(vertices[..., 2], relief)
     assert mesh.uv is not None
-    assert_allclose(np.asarray(mesh.uv).reshape(3, 4, 2)[0, -1], [1.0, 1.0])
-    points = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    assert_allclose(mesh.uv.reshape(3, 4, 2)[0, -1], [1.0, 1.0])
+    points = mesh.vertices[mesh.faces]
     assert (np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2] > 0).all()
     assert write_ply(tmp_path / "m.ply", mesh)["type"] == "ply"
     again = pytest.importorskip("trimesh").load(tmp_path / "m.ply", process=False)
@@ -410,7 +372,6 @@ def test_reading_scenes_needs_no_mitsuba():
 import sys, glazejax.appearance.scene.path.path_trace, glazejax.appearance.scene.file
 assert 'mitsuba' not in sys.modules
 """)
-    assert tracing.MOST_SAMPLES > 1000
 
 
 class Velvet(Material):
@@ -432,6 +393,6 @@ def test_which_shapes_repeat_a_map():
 
 def test_what_mitsuba_has_no_counterpart_of(mi):
     scene = cases(8, 6)["diffuse"].scene
-    own = replace(scene, materials=dict(scene.materials) | {"ball": Velvet()})
+    own = replace(scene, materials={**scene.materials, "ball": Velvet()})
     with refusal("'ball': Mitsuba has no counterpart of Velvet"):
         path_trace(own, samples=4)

@@ -38,7 +38,9 @@ from ..checks import check_slopes
 from ..glazes import coated
 from ..refusals import refusal
 from ..slow import slow
-from .scenes import GRID, blue_glaze, flat, paint, scene, unit
+from .scenes import GRID, blue_glaze, flat, paint, rising, scene, unit
+
+WHITE = np.array([0.95, 1.0, 1.09])
 
 
 def straight_from(*place):
@@ -54,7 +56,7 @@ def forward():
 @pytest.mark.parametrize(("incidence", "viewing"), [(60, 30), slow(0, 45)])
 def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
     a, b = np.deg2rad([incidence, viewing])
-    light = ParallelLight((np.sin(a), 0, -np.cos(a)), np.linspace(0.5, 1.0, GRID.size))
+    light = ParallelLight((np.sin(a), 0, -np.cos(a)), rising(0.5, 1.0))
     camera = straight_from(-np.sin(b), 0, np.cos(b))
     glaze = blue_glaze()
     made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
@@ -64,12 +66,12 @@ def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewin
 
 def test_highlights_are_where_the_vectors_say():
     # One pixel of a plane, with the paper's vectors worked out one by one.
-    light = ParallelLight((0.5, 0.3, -1.0), np.linspace(0.5, 1.0, GRID.size))
+    light = ParallelLight((0.5, 0.3, -1.0), rising(0.5, 1.0))
     camera = straight_from(0.4, 0.5, 1.0)
     normal = np.array([0.0, 0.0, 1.0])
     towards, view = unit([[-0.5, -0.3, 1.0], [0.4, 0.5, 1.0]])
     half = unit(towards + view)
-    body = np.linspace(0.2, 0.6, GRID.size)
+    body = rising(0.2, 0.6)
     mirrored = 2 * (normal @ view) * normal - view
     shiny = (body * (normal @ towards) + 0.7 * (mirrored @ towards) ** 8) * light.spectrum
     made = render(flat(Phong(body, 0.7, 8.0), light, camera)).radiance[0, 0]
@@ -83,14 +85,14 @@ def test_highlights_are_where_the_vectors_say():
 
 
 def test_gloss_adds_the_mirrored_surroundings():
-    background = np.linspace(0.2, 0.9, GRID.size)
+    background = rising(0.2, 0.9)
     camera = straight_from(-1, 0, 1)
     light = ParallelLight((0, 0, -1), 1.0)
-    pictures = [
-        render(flat(Glazed(blue_glaze(), gloss=g), light, camera, background=background))
-        for g in (True, False)
-    ]
-    added = (pictures[0].radiance - pictures[1].radiance)[0, 0]
+    glossy, dull = (
+        render(flat(Glazed(blue_glaze(), gloss=gloss), light, camera, background=background))
+        for gloss in (True, False)
+    )
+    added = (glossy.radiance - dull.radiance)[0, 0]
     assert_allclose(added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6)
 
 
@@ -121,7 +123,7 @@ def test_maps_are_bilinear_between_the_middles_of_pixels():
 
 
 def still_life(**options):
-    light = np.linspace(0.5, 1.0, GRID.size)
+    light = rising(0.5, 1.0)
     materials = {
         "floor": Lambert(0.5),
         "blue": Glazed(blue_glaze()),
@@ -176,22 +178,17 @@ def test_a_picture_without_spectra_has_the_same_colours():
     grid = np.arange(380.0, 781.0, 10.0)
     # A lamp that is off adds nothing at all.
     for spectrum in (lamp("A", grid), 0 * grid):
-        made = Scene(
-            wavelengths=grid,
-            shapes=[Plane("m")],
-            materials={"m": Lambert(np.linspace(0.05, 0.6, grid.size))},
-            lights=[ParallelLight((0, 0, -1), spectrum)],
-            camera=Camera((0, -3, 2)),
-            width=4,
-            height=4,
-        )
-        part, full = render(made, spectral=False), render(made)
-        assert part.values.shape[-1] == 3
+        body = Lambert(np.linspace(0.05, 0.6, grid.size))
+        sun = ParallelLight((0, 0, -1), spectrum)
+        made = Scene(grid, [Plane("m")], {"m": body}, [sun], Camera((0, -3, 2)), width=4, height=4)
+        coloured = render(made, spectral=False)
+        assert coloured.values.shape[-1] == 3
         with refusal("no spectra"):
-            save_spectral("a.npz", part)
+            save_spectral("a.npz", coloured)
         with refusal("spectral=True for another"):
-            picture_xyz(part, grid, 10)
-        assert_allclose(picture_xyz(part, grid), picture_xyz(full, grid), rtol=1e-12)
+            picture_xyz(coloured, grid, 10)
+        full = picture_xyz(render(made), grid)
+        assert_allclose(picture_xyz(coloured, grid), full, rtol=1e-12)
 
 
 def test_rays_of_finished_tiles_make_room():
@@ -215,7 +212,7 @@ def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
     assert 0 < done.mean() < 1
     assert 0 < rendered.done < 1
     assert done[0].all()
-    shown = screen_picture(picture_xyz(rendered, GRID), np.array([0.95, 1.0, 1.09]))
+    shown = screen_picture(picture_xyz(rendered, GRID), WHITE)
     assert (shown.rgb[~done] == 128).all()
 
 
@@ -233,19 +230,21 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
     weights = jnp.asarray(np.random.default_rng(1).normal(size=(48, GRID.size)))
 
     def total(body, index, light):
-        changed: list = [*materials]
-        changed[0], changed[1], changed[5] = Lambert(body), None, None
-        changed[3] = Conductor(index, 3.0)
+        changed: list = [
+            Lambert(body),
+            None,
+            materials[2],
+            Conductor(index, 3.0),
+            materials[4],
+            None,
+        ]
         spectra = jnp.asarray(made.light_spectra()).at[0].set(light)
         return jnp.sum(
             weights * radiance(levels, changed, spectra, jnp.asarray(made.background_spectrum()))
         )
 
-    point = (
-        jnp.full(GRID.size, 0.5),
-        jnp.full(GRID.size, 0.3),
-        jnp.asarray(made.light_spectra()[0]),
-    )
+    body = jnp.full(GRID.size, 0.5)
+    point = body, 0.6 * body, jnp.asarray(made.light_spectra()[0])
     check_slopes(total, point, modes=("rev",), eps=1e-5, rtol=1e-5, atol=1e-8)
 
 
@@ -277,15 +276,13 @@ def test_bands_between_whole_nanometres_have_the_power_of_the_lamp():
 
 
 def test_measured_lamps(tmp_path):
-    table = tmp_path / "lamps.csv"
-    table.write_text(
-        "nm,one,two\n" + "\n".join(f"{w},{w / 4},{2000 - w}" for w in range(380, 800, 5))
-    )
+    table, ramp = tmp_path / "lamps.csv", tmp_path / "ramp.csv"
+    bands = range(380, 800, 5)
+    table.write_text("nm,one,two\n" + "\n".join(f"{w},{w / 4},{2000 - w}" for w in bands))
     one = measured_lamp(f"{table}:one", GRID, 2.0)
     assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
     # A lamp whose power equals its wavelengths is no second column of them.
-    ramp = tmp_path / "ramp.csv"
-    ramp.write_text("nm,lamp\n" + "\n".join(f"{w},{w}" for w in range(380, 800, 5)))
+    ramp.write_text("nm,lamp\n" + "\n".join(f"{w},{w}" for w in bands))
     assert_allclose(measured_lamp(ramp, GRID, 2.0), one, rtol=1e-9)
     with refusal("holds 2 lamps: choose one"):
         measured_lamp(table, GRID)
@@ -305,16 +302,17 @@ def test_measured_lamps(tmp_path):
 def picture():
     """A ball in the light of the sun, before a grey background."""
     sun, camera = ParallelLight((0.3, 1.0, -0.5), 1.0), Camera((0, -5, 0), field_of_view=30)
-    body = Lambert(np.linspace(0.2, 0.6, GRID.size))
+    body = Lambert(rising(0.2, 0.6))
     return render(scene([Sphere("m")], {"m": body}, [sun], camera, background=0.3))
 
 
-def test_pictures_and_spectra_are_written(tmp_path, picture):
-    save_spectral(tmp_path / "a.npz", picture)
-    with np.load(tmp_path / "a.npz") as stored:
+def test_pictures_and_spectra_are_written_by_the_name_that_was_given(tmp_path, picture):
+    save_spectral(tmp_path / "a.NPZ", picture)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.NPZ"]
+    with np.load(tmp_path / "a.NPZ") as stored:
         assert_allclose(stored["radiance"], picture.radiance, rtol=1e-6)
         assert_array_equal(stored["wavelengths"], GRID)
-    screen = screen_picture(picture_xyz(picture, GRID), np.array([0.95, 1.0, 1.09]))
+    screen = screen_picture(picture_xyz(picture, GRID), WHITE)
     save_png(tmp_path / "a.png", screen.rgb)
     from matplotlib.image import imread
 
@@ -322,13 +320,6 @@ def test_pictures_and_spectra_are_written(tmp_path, picture):
     assert 0 <= screen.bright < 0.5
     with refusal(r"as .npz or .exr"):
         save_spectral(tmp_path / "a.txt", picture)
-
-
-def test_spectra_have_the_name_that_was_given(tmp_path, picture):
-    save_spectral(tmp_path / "a.NPZ", picture)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.NPZ"]
-    with np.load(tmp_path / "a.NPZ") as stored:
-        assert_array_equal(stored["wavelengths"], GRID)
 
 
 def test_spectra_in_openexr(tmp_path, picture):
@@ -340,6 +331,10 @@ def test_spectra_in_openexr(tmp_path, picture):
         for k, wavelength in enumerate(GRID):
             pixels = channels[f"S0.{wavelength:.0f},000000nm"].pixels
             assert_allclose(pixels, picture.radiance[..., k], rtol=1e-6, atol=1e-9)
+
+
+def triangle(*corners):
+    return Mesh("m", np.eye(3), np.array([corners]))
 
 
 def ball_of(material):
@@ -354,28 +349,13 @@ def ball_of(material):
         ({"shapes": [Sphere("none")]}, "material 'none'"),
         ({"background": np.ones(3)}, "background has shape"),
         ({"background": np.nan}, "background holds nan"),
-        (
-            ball_of(Lambert(np.ones(3))),
-            "reflectance of material 'm' has shape",
-        ),
+        (ball_of(Lambert(np.ones(3))), "reflectance of material 'm' has shape"),
         (ball_of(Lambert(-0.5)), "holds -0.5"),
+        (ball_of(Phong(0.5, -1.0)), "specular of material 'm' is -1"),
+        (ball_of(Glazed(forward())), "material 'm': .* phase function"),
+        (ball_of(Glazed(blue_glaze(np.array([1e-6, 2e-6])))), "'m': .* map of thicknesses"),
         (
-            ball_of(Phong(0.5, -1.0)),
-            "specular of material 'm' is -1",
-        ),
-        (
-            ball_of(Glazed(forward())),
-            "material 'm': .* phase function",
-        ),
-        (
-            ball_of(Glazed(blue_glaze(np.array([1e-6, 2e-6])))),
-            "'m': .* map of thicknesses",
-        ),
-        (
-            {
-                "materials": {"m": Glazed(blue_glaze(), np.full((2, 2), 1e-6))},
-                "shapes": [Mesh("m", np.eye(3), np.array([[0, 1, 2]]))],
-            },
+            ball_of(Glazed(blue_glaze(), np.full((2, 2), 1e-6))) | {"shapes": [triangle(0, 1, 2)]},
             "material 'm' has a thickness map, but a mesh of it has no texture coordinates",
         ),
     ],
@@ -385,10 +365,6 @@ def test_scenes_that_cannot_be(change, words):
         replace(still_life(), **change)
 
 
-def triangle(*corners):
-    return Mesh("m", np.eye(3), np.array([corners]))
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -396,14 +372,8 @@ def triangle(*corners):
         (lambda: Sphere("m", (1, 2)), "centre must be three finite numbers"),
         (lambda: Plane("m", normal=(0, 0, 0)), "no direction"),
         (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
-        (
-            lambda: triangle(0, 1, -1),
-            "a face names vertex -1, but they are 0 to 2",
-        ),
-        (
-            lambda: triangle(0, 1, 3),
-            "a face names vertex 3, but they are 0 to 2",
-        ),
+        (lambda: triangle(0, 1, -1), "a face names vertex -1, but they are 0 to 2"),
+        (lambda: triangle(0, 1, 3), "a face names vertex 3, but they are 0 to 2"),
         (lambda: triangle(0, 1, 1.5), "faces must be whole numbers"),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
         (
