@@ -14,6 +14,7 @@ from ..checks import check_slopes, largest_difference
 from ..refusals import refusal
 
 PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])
+SRGB = Display.preset("sRGB")
 PRIMARIES = [[0.6, 0.35], [0.3, 0.6], [0.15, 0.07]]
 GREYS = np.repeat(np.arange(256)[:, None], 3, axis=1)
 COLOURS = np.random.default_rng(0).integers(0, 256, (10_000, 3))
@@ -58,11 +59,8 @@ def test_matrix_of_the_papers_monitor():
     """Printed T, to 2 % of its largest number; and eq (3), corrected, to rounding."""
     found = Display.paper_monitor().matrix
     assert largest_difference(found, PRINTED) < 0.02 * np.abs(PRINTED).max()
-    xy, top = (
-        np.array([[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]),
-        np.array([42.7, 138.7, 27.3]),
-    )
-    x, y = xy.T
+    x, y = np.array([[0.614, 0.306, 0.149], [0.350, 0.607, 0.074]])
+    top = np.array([42.7, 138.7, 27.3])
     corrected = np.diag(255 / top) @ np.linalg.inv(np.array([x / y, [1, 1, 1], (1 - x - y) / y]))
     assert_allclose(found, corrected, rtol=1e-12, atol=1e-12)
 
@@ -70,59 +68,52 @@ def test_matrix_of_the_papers_monitor():
 def test_srgb_against_colour_science():
     colour = colour_science()
     rng = np.random.default_rng(3)
-    display = Display.preset("sRGB")
-    xyz = np.asarray(display.to_xyz(rng.uniform(0, 255, (500, 3))))
+    xyz = np.asarray(SRGB.to_xyz(rng.uniform(0, 255, (500, 3))))
     space = colour.RGB_COLOURSPACES["sRGB"].copy()
     space.use_derived_transformation_matrices(True)  # those of the standard are rounded
     expected = 255 * colour.XYZ_to_RGB(xyz, space, apply_cctf_encoding=True)
     # Straight lines between levels against the formula.
-    assert largest_difference(display.encode(display.linear(xyz)), expected) < 0.01
+    assert largest_difference(SRGB.encode(SRGB.linear(xyz)), expected) < 0.01
 
 
 def test_gamut_is_named(unchecked):
-    display = Display.preset("sRGB")
-    inside, saturated, bright = [0.3, 0.3, 0.3], [0.1, 0.4, 0.02], [1.5, 1.6, 1.7]
-    xyz = np.array([inside, saturated, bright])
+    xyz = np.array([[0.3, 0.3, 0.3], [0.1, 0.4, 0.02], [1.5, 1.6, 1.7]])
     for gamut in ("clip", "dim", "desaturate"):
-        found = display.to_rgb(xyz, gamut=gamut)
+        found = SRGB.to_rgb(xyz, gamut=gamut)
         assert_array_equal(found.outside, [False, True, True])
         assert np.all((np.asarray(found.rgb) >= 0) & (np.asarray(found.rgb) <= 255))
-        assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
+        assert_array_equal(found.rgb[0], SRGB.to_rgb(xyz[0]).rgb)
     with refusal(r"2 of 3 colours lie outside sRGB, the first with XYZ \[ ?0.1"):
-        display.to_rgb(xyz, gamut="error")
-    assert not np.any(display.to_rgb(np.array([inside]), gamut="error").outside)
+        SRGB.to_rgb(xyz, gamut="error")
+    assert not np.any(SRGB.to_rgb(xyz[:1], gamut="error").outside)
     with refusal("gamut is 'squash'"):
-        display.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
+        SRGB.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("xp", [np, jnp], ids=["numpy", "jax"])
 def test_a_colour_that_is_no_number_lies_outside(xp):
-    display = Display.preset("sRGB")
     xyz = xp.asarray([[np.nan, 0.5, 0.5], [0.3, 0.3, 0.3]])
-    every_way = [display.to_rgb(xyz, gamut=gamut) for gamut in ("clip", "dim", "desaturate")]
-    for found in (*every_way, display.look_up(xyz)):
+    every_way = [SRGB.to_rgb(xyz, gamut=gamut) for gamut in ("clip", "dim", "desaturate")]
+    for found in (*every_way, SRGB.look_up(xyz)):
         assert_array_equal(found.outside, [True, False])
         assert_array_equal(found.rgb[0], [0, 0, 0])
     with refusal("1 of 2 colours lie outside sRGB"):
-        display.to_rgb(xyz, gamut="error")
+        SRGB.to_rgb(xyz, gamut="error")
 
 
 def test_dimming_keeps_chromaticity_and_desaturating_luminance():
-    display = Display.preset("sRGB")
-    bright = np.asarray(display.to_xyz(np.array([200.0, 120.0, 40.0]))) * 3
-    dimmed = np.asarray(display.to_xyz(display.to_rgb(bright, gamut="dim").rgb))
+    bright = np.asarray(SRGB.to_xyz(np.array([200.0, 120.0, 40.0]))) * 3
+    dimmed = np.asarray(SRGB.to_xyz(SRGB.to_rgb(bright, gamut="dim").rgb))
     assert_allclose(dimmed / dimmed.sum(), bright / bright.sum(), atol=2e-3)
     saturated = np.array([0.1, 0.4, 0.02])
-    paled = np.asarray(display.to_xyz(display.to_rgb(saturated, gamut="desaturate").rgb))
+    paled = np.asarray(SRGB.to_xyz(SRGB.to_rgb(saturated, gamut="desaturate").rgb))
     assert paled[1] == pytest.approx(0.4, abs=3e-3)
-    assert np.asarray(display.to_xyz(display.to_rgb(saturated).rgb))[1] != pytest.approx(
-        0.4, abs=2e-2
-    )
+    assert np.asarray(SRGB.to_xyz(SRGB.to_rgb(saturated).rgb))[1] != pytest.approx(0.4, abs=2e-2)
 
 
 def test_adaptation_brings_white_to_white():
-    display, lamp = Display.preset("sRGB"), np.array([1.0985, 1.0, 0.3558])
-    found = display.to_rgb(display.adapt(lamp * np.array([[1.0], [0.2]]), lamp))
+    lamp = np.array([1.0985, 1.0, 0.3558])
+    found = SRGB.to_rgb(SRGB.adapt(lamp * np.array([[1.0], [0.2]]), lamp))
     assert_array_equal(found.rgb[0], [255, 255, 255])
     assert np.ptp(np.asarray(found.rgb[1])) == 0
 
@@ -134,10 +125,10 @@ def test_fine_table_below_14():
     assert coarse.shape == (256,)
     assert fine.shape == (141,)
     # Read as knots they make a curve again, the same where it has any light.
-    again = ToneCurve.from_tables(coarse, fine)
+    curve = ToneCurve.from_tables(coarse, fine)
     light = np.linspace(1, 255, 2001) / 255
-    assert_allclose(again.level(light), tone.level(light), atol=0.15)
-    again = Display(PRIMARIES, [1.0, 3.0, 0.5], again)
+    assert_allclose(curve.level(light), tone.level(light), atol=0.15)
+    again = Display(PRIMARIES, [1.0, 3.0, 0.5], curve)
     assert_array_equal(again.to_rgb(again.to_xyz(COLOURS)).rgb, COLOURS)
 
 
@@ -174,31 +165,22 @@ def test_looking_up_is_as_near_as_levels_allow():
     def missed(found, xyz):
         return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb) - xyz))).max()
 
-    nearest, two, one = (
-        display.to_rgb(wanted),
-        display.look_up(wanted),
-        display.look_up(wanted, fine=False),
-    )
-    assert missed(nearest, wanted) <= missed(two, wanted) < 0.5 * missed(one, wanted)
+    two, one = (display.look_up(wanted, fine=fine) for fine in (True, False))
+    nearest = missed(display.to_rgb(wanted), wanted)
+    assert nearest <= missed(two, wanted) < 0.5 * missed(one, wanted)
     for colours in (GREYS, COLOURS):
         # The table's step of 1 in light and the level's: two roundings.
         xyz = display.to_xyz(colours)
         assert missed(display.look_up(xyz), xyz) < 0.5 + 1.2
-    outside = display.look_up(
-        np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])
-    ).outside
-    assert_array_equal(outside, [True, False, True])
+    colours = np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])
+    assert_array_equal(display.look_up(colours).outside, [True, False, True])
 
 
 def test_colours_can_be_differentiated():
     display = measured()
-    xyz = np.asarray(display.to_xyz(np.array([120.3, 50.6, 200.2])))
+    xyz = display.to_xyz(jnp.array([120.3, 50.6, 200.2]))
     check_slopes(
-        lambda v: display.encode(display.linear(v)),
-        (jnp.asarray(xyz),),
-        eps=1e-6,
-        rtol=1e-5,
-        atol=1e-5,
+        lambda v: display.encode(display.linear(v)), (xyz,), eps=1e-6, rtol=1e-5, atol=1e-5
     )
 
 

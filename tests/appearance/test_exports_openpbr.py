@@ -24,6 +24,7 @@ from glazejax.appearance.exports.rgb import delta_e, lab_of_rgb, outside, rgb_of
 from glazejax.appearance.exports.spaces import LAYERINGS
 from glazejax.radiative.rough.lobes import lobe_albedo, lobe_factor
 
+from ..refusals import refusal
 from ..slow import slow
 from .scenes import GRID, blue_glaze, half_range
 
@@ -70,9 +71,7 @@ def test_light_that_facets_send_to_facets_is_coloured_by_each(roughness):
     leaving = albedo(np.ones(3), bounces=False)[0]
     assert 0.5 < leaving < 0.99
     assert_allclose(
-        albedo(colour, bounces=True),
-        colour * leaving / (1.0 - colour * (1.0 - leaving)),
-        atol=1e-3,
+        albedo(colour, bounces=True), colour * leaving / (1.0 - colour * (1.0 - leaving)), atol=1e-3
     )
 
 
@@ -86,10 +85,9 @@ def test_the_albedo_of_a_rough_surface_is_that_of_its_lobe(alpha, index):
 
 def test_a_surface_that_gets_smooth_reflects_as_fresnel_says():
     # n = 1.5 straight on: ((n - 1)/(n + 1))^2.
-    assert_allclose(lobe_albedo(np.ones(1), 0.0, 1.5), 0.04, rtol=1e-12)
-    assert_allclose(
-        lobe_albedo(COSINES[1:], 1e-3, 1.5), lobe_albedo(COSINES[1:], 0.0, 1.5), rtol=2e-4
-    )
+    smooth, rough = (lobe_albedo(COSINES[1:], alpha, 1.5) for alpha in (0.0, 1e-3))
+    assert_allclose(smooth[-1], 0.04, rtol=1e-12)
+    assert_allclose(rough, smooth, rtol=2e-4)
 
 
 @pytest.mark.parametrize("layering", LAYERINGS)
@@ -107,14 +105,8 @@ def test_a_white_material_reflects_everything(layering):
 @pytest.mark.parametrize("layering", [name for name in LAYERINGS if name != "materialx"])
 def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
     """Below a coat that darkens it, too."""
-    rest: dict = {
-        "coat_weight": 0.7,
-        "coat_darkening": 1.0,
-        "coat_ior": 1.6,
-        "specular_ior": 1.5,
-    }
-    half = OpenPBR(base_color=(0.8, 0.4, 0.2), base_weight=0.5, **rest)
-    whole = OpenPBR(base_color=(0.4, 0.2, 0.1), base_weight=1.0, **rest)
+    half = OpenPBR(base_color=(0.8, 0.4, 0.2), base_weight=0.5, coat_weight=0.7)
+    whole = OpenPBR(base_color=(0.4, 0.2, 0.1), coat_weight=0.7)
     seen = [
         reflectance_factor(material, COSINES, np.full(5, 0.7), np.full(5, 120.0), layering=layering)
         for material in (half, whole)
@@ -124,16 +116,14 @@ def test_the_weight_of_the_base_is_a_factor_of_its_colour(layering):
 
 @pytest.mark.parametrize("layering", LAYERINGS)
 def test_a_coat_adds_its_mirror_and_takes_light_away(layering):
-    coated = OpenPBR(base_color=(0.5, 0.5, 0.5), specular_ior=1.5, coat_weight=1.0, coat_ior=1.5)
-    bare = replace(coated, coat_weight=0.0)
-    body = [body_factor(material, 1.0, 1.0, layering=layering) for material in (coated, bare)]
-    assert np.all(body[0] < body[1])
+    coated = OpenPBR(base_color=(0.5, 0.5, 0.5), coat_weight=1.0, coat_ior=1.5)
+    body = partial(body_factor, layering=layering)
+    covered = body(coated, 1.0, 1.0)
+    assert np.all(covered < body(replace(coated, coat_weight=0.0), 1.0, 1.0))
     assert_allclose(surface_albedo(coated, 1.0, layering=layering), 0.04, rtol=1e-6)
     tinted = replace(coated, coat_color=(0.25, 1.0, 1.0))
-    through = body_factor(tinted, 1.0, 1.0, layering=layering) / body[0]
-    assert_allclose(through, [0.25, 1.0, 1.0])
-    slanted = body_factor(tinted, 0.5, 0.5, layering=layering)
-    slanted /= body_factor(coated, 0.5, 0.5, layering=layering)
+    assert_allclose(body(tinted, 1.0, 1.0) / covered, [0.25, 1.0, 1.0])
+    slanted = body(tinted, 0.5, 0.5) / body(coated, 0.5, 0.5)
     inside = np.sqrt(1 - 0.75 / 1.5**2)
     expected = 0.25 if layering == "materialx" else 0.25 ** (1 / inside)
     assert_allclose(slanted[0], expected, rtol=1e-9)
@@ -185,12 +175,10 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
 
 def test_a_material_is_found_again(truth):
     """What OpenPBR can show is fitted to nothing left."""
-    flat = replace(
-        truth,
-        body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape),
-    )
-    fit = fit_openpbr(flat)
-    assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
+    colour = (0.1, 0.6, 0.3)
+    body = np.broadcast_to((1 - truth.surface)[:, None] * colour, truth.body.shape)
+    fit = fit_openpbr(replace(truth, body=body))
+    assert_allclose(fit.material.base_color, colour, atol=2e-5)
     assert fit.material.base_diffuse_roughness < 1e-3
     assert fit.material.coat_weight == 0
     assert max(fit.errors) < 1e-2
@@ -263,9 +251,8 @@ def test_colour_spaces():
     colour = gj.colour.colour_science()
     expected = colour.RGB_to_RGB(np.eye(3), "ACEScg", "sRGB", "Bradford")
     d65 = gj.colour.srgb_to_xyz(np.ones(3))
-    ours = np.linalg.inv(rgb_of_xyz(np.eye(3), d65, "acescg")) @ rgb_of_xyz(
-        np.eye(3), d65, "lin_rec709"
-    )
+    aces, srgb = (rgb_of_xyz(np.eye(3), d65, space) for space in ("acescg", "lin_rec709"))
+    ours = np.linalg.solve(aces, srgb)
     assert_allclose(ours, expected, atol=2e-4)
     assert_array_equal(outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1])
 
@@ -312,5 +299,5 @@ def test_the_error_under_a_rough_surface_is_the_one_the_solver_was_asked_for(mon
     ],
 )
 def test_what_cannot_be_meant_is_refused(unchecked, call, words):
-    with pytest.raises(ValueError, match=words):
+    with refusal(words):
         call()

@@ -61,12 +61,8 @@ def deep():
 
 def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
     thick = table_of(angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS))
-    found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
-    assert_allclose(
-        found,
-        reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), Bidirectional()),
-        atol=1e-3,
-    )
+    solved = reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), Bidirectional())
+    assert_allclose(thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS), solved, atol=1e-3)
 
 
 def test_error_is_what_it_says(table):
@@ -83,16 +79,15 @@ def test_thickness_is_an_axis(deep):
     found = deep.reflectance_factor(COS_IN, COS_OUT, depths)
     assert deep.error <= 1e-4
     assert largest_difference(found, solved(depths)) < deep.error
+    with refusal("give thickness, in metres"):
+        deep.reflectance_factor(0.5, 0.5)
 
 
 def test_grazing_light_vanishes_and_directions_can_be_exchanged(table):
     assert not np.any(table.reflectance_factor(0.0, 0.5))
     assert not np.any(table.reflectance_factor(-0.3, 0.5))
-    forth, back = (
-        table.reflectance_factor(COS_IN, COS_OUT),
-        table.reflectance_factor(COS_OUT, COS_IN),
-    )
-    assert_allclose(forth, back, atol=1e-12)
+    forth = table.reflectance_factor(COS_IN, COS_OUT)
+    assert_allclose(forth, table.reflectance_factor(COS_OUT, COS_IN), atol=1e-12)
 
 
 def test_mirror_is_the_outer_surface(table):
@@ -118,10 +113,8 @@ def test_other_indices(index):
     made = glaze(index=index, wavelengths=WAVELENGTHS)
     found = glaze_table(made, WAVELENGTHS, tolerance=1e-3)
     assert found.error <= 1e-3
-    assert (
-        largest_difference(found.reflectance_factor(COS_IN, COS_OUT), solved(index=index))
-        < found.error
-    )
+    factor = found.reflectance_factor(COS_IN, COS_OUT)
+    assert largest_difference(factor, solved(index=index)) < found.error
 
 
 def test_bare_ground():
@@ -135,7 +128,7 @@ def test_bare_ground():
 def test_through_jit_vmap_and_slopes(deep):
     depths = RNG.uniform(1e-6, 29e-6, 60)
     plain = deep.reflectance_factor(COS_IN, COS_OUT, depths)
-    arrays = (jnp.asarray(COS_IN), jnp.asarray(COS_OUT), jnp.asarray(depths))
+    arrays = [jnp.asarray(values) for values in (COS_IN, COS_OUT, depths)]
     assert_allclose(jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12)
     assert_allclose(jax.vmap(deep.reflectance_factor)(*arrays), plain, atol=1e-12)
 
@@ -154,12 +147,8 @@ def test_slopes_at_the_ends(deep):
         return jnp.sum(deep.reflectance_factor(x[0], 0.8, x[1] * 1e-6))
 
     slopes = jax.jit(jax.grad(total))
-    for at in ([1.0, 12.0], [0.7, 0.0]):
-        end, inside = (
-            np.array(at),
-            np.array(at) - np.array([1e-7 * (at[0] == 1), -1e-6 * (at[1] == 0)]),
-        )
-        assert_allclose(slopes(end), slopes(inside), rtol=1e-3)
+    for end, inside in (([1.0, 12.0], [1.0 - 1e-7, 12.0]), ([0.7, 0.0], [0.7, 1e-6])):
+        assert_allclose(slopes(np.array(end)), slopes(np.array(inside)), rtol=1e-3)
 
 
 def test_slopes_by_the_paint(table):
@@ -184,14 +173,8 @@ def test_slopes_by_the_paint(table):
     [
         (lambda t: t.reflectance_factor(0.5, 0.5, 1e-6), "thickness is fixed"),
         (lambda t: table_of(tolerance=0), "tolerance is 0"),
-        (
-            lambda t: table_of(angles=((0, 100), (0, 90))),
-            "angles of incidence are 0 to 100",
-        ),
-        (
-            lambda t: table_of(thickness=[1e-6], layer=2),
-            "layer is 2, but the glaze has 2",
-        ),
+        (lambda t: table_of(angles=((0, 100), (0, 90))), "angles of incidence are 0 to 100"),
+        (lambda t: table_of(thickness=[1e-6], layer=2), "layer is 2, but the glaze has 2"),
         (lambda t: table_of(layer=5), "layer is 5, but the glaze has 2"),
         (lambda t: table_of(thickness=[12.0]), "thickness is in metres"),
         (
@@ -210,8 +193,3 @@ def test_slopes_by_the_paint(table):
 def test_what_is_refused(table, call, message):
     with refusal(message):
         call(table)
-
-
-def test_a_thickness_is_asked_for(deep):
-    with refusal("give thickness, in metres"):
-        deep.reflectance_factor(0.5, 0.5)
