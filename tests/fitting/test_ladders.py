@@ -68,6 +68,17 @@ def recovered(rows, **given):
     return recover_coats(table(rows), instrument=INSTRUMENT, noise=NOISE, **given)
 
 
+@pytest.fixture
+def fit(run, tmp_path):
+    """Recovers films from a file into the folder `res`."""
+
+    def recover(films, *words):
+        file = write_films(tmp_path / "ladder.csv", films, ("ow", "w"))
+        return run(file, "--out", "res", "--instrument", "45:0", *words)
+
+    return recover
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -108,14 +119,11 @@ def test_three_coats_tell_k_from_s():
 def test_what_is_expected_of_a_coat_tells_what_one_coat_does_not():
     # Brushed thick: a coat hides far more than films usually do.
     asked = ladder("Red", RED, 3.5, 2, seed=9)
-    off = [
-        predict_next_coat(found, "Red", 2, GROUND).delta_e(asked[1][1])
-        for found in (
-            recovered([asked[0]], expected=CoatScattering(np.log(3.5), 0.3)),
-            recovered([asked[0]], expected=CoatScattering(-2.0, 0.3)),
-        )
-    ]
-    assert off[0] < off[1]
+    right, wrong = (
+        predict_next_coat(recovered(asked[:1], expected=expected), "Red", 2, GROUND)
+        for expected in (CoatScattering(np.log(3.5), 0.3), CoatScattering(-2.0, 0.3))
+    )
+    assert right.delta_e(asked[1][1]) < wrong.delta_e(asked[1][1])
 
 
 def test_paints_are_recovered_each_by_itself():
@@ -200,13 +208,12 @@ def test_wrong_wishes_are_refused():
         predict_next_coat(found, "Red", 2, GROUND).interval(90)
 
 
-def test_the_command_foretells_the_next_coats(run, tmp_path):
+def test_the_command_foretells_the_next_coats(fit, tmp_path):
     rows = [*ladder("Red", RED, 0.5, 3), *ladder("Blue", BLUE, 0.5, 1)]
-    file = write_films(tmp_path / "ladder.csv", table(rows), ("ow", "w"))
-    out, err = run(file, "--out", "res", "--instrument", "45:0")
+    out, err = fit(table(rows))
     assert err == ""
     assert "no length was measured" in out
-    coming = read_rows(tmp_path / "res" / "next_coats.csv")
+    coming = read_rows(tmp_path / "res/next_coats.csv")
     assert {(row["paint"], row["coats"]) for row in coming} == {
         ("Red", "4"),
         ("Red", "5"),
@@ -215,33 +222,30 @@ def test_the_command_foretells_the_next_coats(run, tmp_path):
     }
     assert all(float(r["low_90"]) <= float(r["reflectance"]) <= float(r["high_90"]) for r in coming)
     # The same as the library's.
-    films = read_loose_films(file)
-    found = recover_coats(films, instrument="45:0")
+    found = recover_coats(read_loose_films(tmp_path / "ladder.csv"), instrument="45:0")
     mine = predict_next_coat(found, "Blue", 2, rows[-1][2]).reflectance
     theirs = [float(r["reflectance"]) for r in coming if (r["paint"], r["coats"]) == ("Blue", "2")]
     assert_allclose(mine, theirs, atol=1e-4)
-    assert (tmp_path / "res" / "Red.png").is_file()
+    assert (tmp_path / "res/Red.png").is_file()
 
 
-def test_no_more_coats_are_foretold_than_there_may_be(run, tmp_path):
+def test_no_more_coats_are_foretold_than_there_may_be(fit, tmp_path):
     rows = [
-        (f"{paint} {coats:g} coats", read_coat(k, 0.05, coats, np.random.default_rng(0)), GROUND)
-        for paint, k, coats in (("Red", 0.1 * RED, 19.0), ("Blue", 0.1 * BLUE, 20.0))
+        *ladder("Red", 0.1 * RED, 0.05, 19)[-1:],
+        *ladder("Blue", 0.1 * BLUE, 0.05, 20)[-1:],
     ]
-    file = write_films(tmp_path / "ladder.csv", table(rows), ("ow", "w"))
-    run(file, "--out", "res", "--instrument", "45:0", "--no-plots")
-    coming = read_rows(tmp_path / "res" / "next_coats.csv")
+    fit(table(rows), "--no-plots")
+    coming = read_rows(tmp_path / "res/next_coats.csv")
     assert {(row["paint"], row["coats"]) for row in coming} == {("Red", "20")}
-    assert {*catalogue.read(tmp_path / "res" / "pigments.csv")} == {"Red", "Blue"}
+    assert {*catalogue.read(tmp_path / "res/pigments.csv")} == {"Red", "Blue"}
 
 
-def test_coats_of_bands_that_give_no_colour(run, tmp_path):
+def test_coats_of_bands_that_give_no_colour(fit, tmp_path):
     films = replace(table(ladder("Red", RED, 0.5, 2)), wavelengths=GRID + 700.0)
-    file = write_films(tmp_path / "ladder.csv", films, ("ow", "w"))
-    out, _ = run(file, "--out", "res", "--instrument", "45:0", "--no-plots")
+    out, _ = fit(films, "--no-plots")
     assert "nan" not in out
-    assert [row["delta_e"] for row in read_rows(tmp_path / "res" / "films.csv")] == ["", ""]
-    assert len(read_rows(tmp_path / "res" / "next_coats.csv")) == 2 * GRID.size
+    assert [row["delta_e"] for row in read_rows(tmp_path / "res/films.csv")] == ["", ""]
+    assert len(read_rows(tmp_path / "res/next_coats.csv")) == 2 * GRID.size
 
 
 @pytest.mark.parametrize(
