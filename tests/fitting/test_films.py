@@ -22,6 +22,7 @@ from glazejax.io import write_table
 from ..commands import invoke
 from ..refusals import refusal
 
+GRID = np.array([400.0, 500.0, 600.0])
 ROWS = {
     "b": [5.0, 5.0, 5.0],
     "w": [80.0, 84.0, 85.0],
@@ -36,6 +37,15 @@ def table(rows=ROWS, scale=1.0, separator=","):
         separator.join([f"A1_{end}", *(f"{v * scale:g}" for v in row)]) for end, row in rows.items()
     ]
     return "\n".join(lines) + "\n"
+
+
+def cards(films):
+    """Inside, as the usual instrument reads them."""
+    return card_readings(films, Instrument(), Noise()).ground
+
+
+def over_cards(films):
+    return readings(films, Instrument(), Noise())
 
 
 @pytest.fixture
@@ -98,25 +108,21 @@ def test_recipes(tmp_path):
     assert names == ("01A Red", "02A Red", "03 Red 9.7% + White 90.3%", "Blue", "05")
 
 
-@pytest.mark.parametrize("line", ["01A Red|100", "01A\tRed-White|100", "01A\tRed|much", "01A\tRed"])
-def test_recipes_of_another_form_are_refused(tmp_path, line):
-    path = tmp_path / "mixtures.tsv"
-    path.write_text("00\tBlue|100\n" + line + "\n")
-    with refusal("line 2: expected"):
-        read_recipes(path)
-
-
 @pytest.mark.parametrize(
-    ("recipe", "message"),
+    ("line", "message"),
     [
-        ("Red-Red-White|30-30-40", "line 2: paint 'Red' is listed twice in '01A'; add its weights"),
-        ("Red-White|0-0", "line 2: all weights of '01A' are 0"),
+        ("01A Red|100", "expected"),
+        ("01A\tRed-White|100", "expected"),
+        ("01A\tRed|much", "expected"),
+        ("01A\tRed", "expected"),
+        ("01A\tRed-Red-White|30-30-40", "paint 'Red' is listed twice in '01A'; add its weights"),
+        ("01A\tRed-White|0-0", "all weights of '01A' are 0"),
     ],
 )
-def test_recipes_that_lose_weight_are_refused(tmp_path, recipe, message):
+def test_lists_of_recipes_that_cannot_be_meant_are_refused(tmp_path, line, message):
     path = tmp_path / "mixtures.tsv"
-    path.write_text(f"00\tBlue|100\n01A\t{recipe}\n")
-    with refusal(message):
+    path.write_text(f"00\tBlue|100\n{line}\n")
+    with refusal(f"line 2: {message}"):
         read_recipes(path)
 
 
@@ -150,25 +156,24 @@ def test_cards_obey_saunderson(specular, n):
 def test_card_without_specular_part_is_explained(read):
     films = read(table(ROWS | {"b": [1.0, 1.0, 1.0]}, scale=0.01))
     with refusal(r"bare black card of 'A1' reads 0.0100 at 400 nm.*specular"):
-        card_readings(films, Instrument(), Noise())
+        cards(films)
     without = Instrument(Hemispherical(8.0, specular=False))
     assert card_readings(films, without, Noise()).ground[..., 0].max() < 0.05
 
 
 def test_a_card_that_no_reading_needs_is_converted_and_not_judged(read):
     films = read(table())
-    both = card_readings(films, Instrument(), Noise()).ground
     for changes in ({"seen": np.array([[False, True]])}, {"opaque": np.array([True])}):
         fewer = replace(films, **changes)
-        assert_array_equal(card_readings(fewer, Instrument(), Noise()).ground, both)
+        assert_array_equal(cards(fewer), cards(films))
         too_dark = replace(fewer, bare_black=0.2 * films.bare_black)
-        assert_array_equal(card_readings(too_dark, Instrument(), Noise()).ground[..., 0], 0.0)
+        assert_array_equal(cards(too_dark)[..., 0], 0.0)
 
 
 def test_too_bright_a_card_is_refused(read):
     films = read(table(ROWS | {"w": [80.0, 84.0, 120.0]}))
     with refusal(r"white card of 'A1' reads 1.2000 at 420 nm, brighter"):
-        card_readings(films, Instrument(), Noise())
+        cards(films)
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -200,9 +205,11 @@ def test_noise_must_be_positive(floor, share):
 def both_kinds(tmp_path):
     """A file of readings with the specular component and without, .04 lower; over white of .5."""
     grid = np.arange(400.0, 701.0, 50.0)
-    values = {end: np.full(grid.size, 0.2 + 0.1 * i) for i, end in enumerate(ROWS)}
     bands = [f"{word}_{nm:g}nm" for word in ("SCI", "SCE") for nm in grid]
-    rows = [[f"PB28_{end}", *row, *(row - 0.04)] for end, row in values.items()]
+    rows = [
+        [f"PB28_{end}", *np.repeat([level, level - 0.04], grid.size)]
+        for end, level in zip(ROWS, (0.2, 0.3, 0.4, 0.5), strict=True)
+    ]
     path = tmp_path / "films.csv"
     write_table(path, ["Name", *bands], rows)
     return path
@@ -258,8 +265,8 @@ def test_of_both_kinds_the_instruments_is_taken(
 def test_a_film_over_one_card_is_one_reading(read, card):
     """The other column, which holds the same values, was not measured."""
     whole = read(table())
-    (both,) = readings(whole, Instrument(), Noise())
-    (one,) = readings(replace(whole, seen=np.arange(2)[None] == card), Instrument(), Noise())
+    (both,) = over_cards(whole)
+    (one,) = over_cards(replace(whole, seen=np.arange(2)[None] == card))
     assert both.grounds == ("black", "white")
     assert one.grounds == both.grounds[card : card + 1]
     for what in ("reflectance", "ground", "sd", "ground_sd"):
@@ -268,35 +275,31 @@ def test_a_film_over_one_card_is_one_reading(read, card):
 
 def test_a_film_that_hides_its_ground_is_no_reading_over_cards(read):
     with refusal("'A1' is taken to hide its ground.*reading_over"):
-        readings(replace(read(table()), opaque=np.array([True])), Instrument(), Noise())
+        over_cards(replace(read(table()), opaque=np.array([True])))
 
 
 def test_a_reading_in_percent_is_refused():
-    grid = np.array([400.0, 500.0, 600.0])
     with refusal(r"at 400 nm is 35; it must be in \[0, 3\] \(divide percent by 100\)"):
-        reading_over(grid, np.full(3, 35.0), 0.9)
+        reading_over(GRID, np.full(3, 35.0), 0.9)
 
 
 def test_films_are_simulated_on_a_grid_of_whole_numbers():
     """Cards, too: a black one of whole numbers would reflect nothing."""
     k, s = np.full((2, 1, 3), 0.3)
-    films = simulate_films(np.array([400.0, 500.0, 600.0]), k, s, names=["a"])
-    whole = simulate_films(np.array([400, 500, 600]), k, s, names=["a"])
+    films, whole = (simulate_films(grid, k, s, names="a") for grid in (GRID, GRID.astype(int)))
     assert_array_equal(whole.bare_cards, films.bare_cards)
     assert_array_equal(whole.over_cards, films.over_cards)
 
 
 def test_one_film_is_simulated_from_one_spectrum():
-    grid = np.array([400.0, 500.0, 600.0])
-    k, s = np.array([0.1, 0.3, 0.5]), np.full(3, 2.0)
-    films = simulate_films(grid, k[None], s[None], names=["a"])
-    assert_array_equal(simulate_films(grid, k, s, names=["a"]).over_cards, films.over_cards)
+    k, s = np.array([[0.1, 0.3, 0.5], [2.0, 2.0, 2.0]])
+    films = simulate_films(GRID, k[None], s[None], names="a")
+    assert_array_equal(simulate_films(GRID, k, s, names="a").over_cards, films.over_cards)
 
 
 def test_spectra_to_simulate_are_not_reordered():
-    grid = np.array([400.0, 500.0, 600.0])
-    right, turned = np.full((2, 3), 0.3), np.full((3, 2), 0.3)
+    right = np.full((2, 3), 0.3)
     with refusal(r"absorption has shape \(3, 2\).*2 films and 3 bands"):
-        simulate_films(grid, turned, right, names="ab")
+        simulate_films(GRID, right.T, right, names="ab")
     with refusal("scattering has shape"):
-        simulate_films(grid, right, turned, names="ab")
+        simulate_films(GRID, right, right.T, names="ab")
