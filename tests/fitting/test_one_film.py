@@ -65,10 +65,9 @@ def test_a_gauge_counts_for_the_films_that_it_measured():
 
 
 def test_a_stated_thickness_holds():
-    films = FILMS.select(["12A"])
-    blue = OILS["CobaltBlue"]
-    coat = CoatPrior([blue], 25e-6, spread=0.05)
-    draws = posterior_of_coats(films, [coat], steps=0).draws["thickness of coat 1"]
+    coat = CoatPrior([OILS["CobaltBlue"]], 25e-6, spread=0.05)
+    posterior = posterior_of_coats(FILMS.select(["12A"]), [coat], steps=0)
+    draws = posterior.draws["thickness of coat 1"]
     # The readings show 11 um: this paint is weak here.
     assert np.log(draws).std() == pytest.approx(0.05, rel=0.1)
     assert np.median(draws) == pytest.approx(25e-6, rel=0.05)
@@ -93,18 +92,19 @@ def test_strengths_of_paints_widen_what_the_readings_leave_open(kind):
     draws = posterior.laplace_draws if kind == "laplace" else posterior.draws
     names = [f"fraction {paint.name}" for paint in paints]
     shown = posterior.problem.shown(free)
+    thickness, shown_thickness = (np.log(values["thickness"]) for values in (draws, shown))
     # The log of a ratio of two amounts is off by two strengths.
     before, after = (np.log(values[names[0]] / values[names[1]]) for values in (shown, draws))
     assert after.std() == pytest.approx(np.hypot(before.std(), STRENGTH * np.sqrt(2.0)), rel=0.1)
     assert after.mean() == pytest.approx(before.mean(), abs=0.1)
     # The white is nearly all of the film: its strength is the thickness's, the red's is its own.
     fractions = np.stack([shown[name] for name in names])
-    red = (after - before) + np.log(draws["thickness"] / shown["thickness"]) / fractions[1]
-    assert abs(np.corrcoef(np.ravel(red), np.ravel(np.log(draws["thickness"])))[0, 1]) < 0.2
+    red = (after - before) + (thickness - shown_thickness) / fractions[1]
+    assert abs(np.corrcoef(np.ravel(red), np.ravel(thickness))[0, 1]) < 0.2
     variance = thickness_variance(
-        np.log(shown["thickness"]).var(), Prior().spread ** 2, np.mean(np.sum(fractions**2, axis=0))
+        shown_thickness.var(), Prior().spread ** 2, np.mean(np.sum(fractions**2, axis=0))
     )
-    assert np.log(draws["thickness"]).var() == pytest.approx(variance, rel=0.15)
+    assert thickness.var() == pytest.approx(variance, rel=0.15)
     assert_allclose(draws[names[0]] + draws[names[1]], 1.0, rtol=1e-12)
     # What strengths do not touch stays as drawn.
     assert_allclose(draws["gloss"], shown["gloss"], rtol=0)
