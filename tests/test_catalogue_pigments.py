@@ -12,6 +12,8 @@ from glazefit.film.model.response import film_response
 from glazefit.identify.families.templates import coefficients, hiding_body, pure_templates
 from glazejax import catalogue, colour
 
+from .tables import rows
+
 
 @pytest.fixture(scope="module")
 def shelf():
@@ -35,9 +37,8 @@ def test_every_exemplar_has_a_family_a_source_and_a_provenance(shelf):
         assert origin.told_by
         assert float(paint.wavelengths[0]) == origin.first_nm
         assert float(paint.wavelengths[-1]) == origin.last_nm
-        for values in (paint.absorption, paint.scattering):
-            assert np.all(np.isfinite(values))
-            assert np.all(np.asarray(values) > 0)
+        values = np.array([paint.absorption, paint.scattering])
+        assert np.all(np.isfinite(values) & (values > 0))
 
 
 def test_the_pigments_that_a_conservator_meets_first_are_there(shelf):
@@ -70,23 +71,24 @@ def test_what_a_painter_of_today_may_not_want():
     assert known["titanium white"].caution == ""
 
 
-@pytest.mark.parametrize(
-    ("name", "shelf", "changes", "words"),
-    [
-        ("LeadWhite", "oils", {}, "poisonous (lead), rarely sold"),
-        ("ChromeYellowOtero", "oils", {}, "poisonous (lead chromate), rarely sold"),
-        ("UltramarineBlue", "oils", {}, ""),
-        *(
-            ("CadmiumOrange", "acrylics", {"name": name}, "poisonous (cadmium)")
-            for name in ("acrylics:CadmiumOrange", "acrylics/CadmiumOrange")
-        ),
-        ("PyrroleRed", "acrylics", {}, ""),
-        ("LeadWhite", "oils", {"provenance": "mine"}, ""),
-    ],
-)
-def test_a_paint_is_marked_by_its_pigment(name, shelf, changes, words):
-    paint = catalogue.pigment(name, shelf).renamed(**{"name": name} | changes)
-    assert catalogue.caution(paint) == words
+MARKED = """
+LeadWhite | oils | LeadWhite | poisonous (lead), rarely sold
+ChromeYellowOtero | oils | ChromeYellowOtero | poisonous (lead chromate), rarely sold
+UltramarineBlue | oils | UltramarineBlue |
+CadmiumOrange | acrylics | acrylics:CadmiumOrange | poisonous (cadmium)
+CadmiumOrange | acrylics | acrylics/CadmiumOrange | poisonous (cadmium)
+PyrroleRed | acrylics | PyrroleRed |
+"""
+
+
+@pytest.mark.parametrize(("pigment", "shelf", "name", "words"), rows(MARKED))
+def test_a_paint_is_marked_by_its_pigment(pigment, shelf, name, words):
+    assert catalogue.caution(catalogue.pigment(pigment, shelf).renamed(name)) == words
+
+
+def test_an_own_paint_is_not_marked_by_its_name():
+    white = catalogue.pigment("LeadWhite")
+    assert catalogue.caution(white.renamed(white.name, provenance="mine")) == ""
 
 
 def test_an_exemplar_is_marked_by_its_family(shelf):
@@ -106,11 +108,8 @@ def test_a_family_survives_another_grid_and_another_name(shelf):
     paint = next(iter(shelf.values()))
     grid = np.asarray(paint.wavelengths)[2:-2]
     for other in (paint.resample(grid), paint.renamed("mine")):
-        assert (other.family, other.source, other.binder) == (
-            paint.family,
-            paint.source,
-            paint.binder,
-        )
+        for label in ("family", "source", "binder"):
+            assert getattr(other, label) == getattr(paint, label)
     assert paint.renamed("mine", family="smalt").family == "smalt"
 
 

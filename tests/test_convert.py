@@ -1,6 +1,7 @@
 """The command `glazejax convert`."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,22 +12,28 @@ from glazejax.io.words import parse_grid
 
 from .commands import invoke, succeed
 from .io.samples import GRID, spectra
+from .tables import rows
 
 
 @pytest.fixture
 def chart(tmp_path):
     """Table of percent."""
     path = tmp_path / "chart.csv"
-    rows = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
-    rows += [
-        ",".join([name, *(f"{100 * r:.4f}" for r in row)])
-        for name, row in zip("abc", spectra(), strict=True)
+    lines = [["Name", *(f"{w:g}" for w in GRID)]]
+    lines += [
+        [name, *(f"{100 * r:.4f}" for r in row)] for name, row in zip("abc", spectra(), strict=True)
     ]
-    path.write_text("\n".join(rows))
+    path.write_text("\n".join(map(",".join, lines)))
     return path
 
 
-run, convert = partial(invoke, "convert"), partial(succeed, "convert")
+convert = partial(succeed, "convert")
+
+
+def refuse(complaint, *words):
+    error = invoke("convert", *words).exception
+    assert isinstance(error, ValueError)
+    assert complaint in str(error)
 
 
 def test_flags_take_no_value_in_the_help():
@@ -53,32 +60,28 @@ def test_resampled_and_long(chart, tmp_path):
     assert_allclose(table.reflectance, spectra(3, table.wavelengths), atol=1e-3)
 
 
-def test_format_by_name_of_the_option(chart, tmp_path):
-    convert(chart, tmp_path / "out.data", "--to", "cxf")
-    assert read_spectra(tmp_path / "out.data").format == "CxF3"
-
-
-def test_a_library_is_two_files(chart, tmp_path):
-    done = convert(chart, tmp_path / "out.dat", "--to", "envi")
-    header, data = tmp_path / "out.hdr", tmp_path / "out.sli"
-    assert f"wrote  {header} and {data}: 3 spectra" in done.output
-    assert header.is_file()
-    assert data.is_file()
+@pytest.mark.parametrize(
+    ("kind", "written"), [("cxf", ["out.dat"]), ("envi", ["out.hdr", "out.sli"])]
+)
+def test_format_by_name_of_the_option(chart, tmp_path, kind, written):
+    """A library is two files."""
+    done = convert(chart, tmp_path / "out.dat", "--to", kind)
+    paths = [tmp_path / name for name in written]
+    assert f"wrote  {' and '.join(map(str, paths))}: 3 spectra" in done.output
+    assert sorted(tmp_path.glob("out.*")) == paths
+    assert read_spectra(paths[0]).format.startswith({"cxf": "CxF3", "envi": "ENVI"}[kind])
 
 
 @pytest.mark.parametrize(
-    ("source", "target"),
-    [("refl.hdr", "refl.sli"), ("refl.img", "refl.sli"), ("refl.hdr", "refl.img --to csv")],
+    "line", ["refl.hdr refl.sli", "refl.img refl.sli", "refl.hdr refl.img --to csv"]
 )
-def test_neither_half_of_a_library_that_is_read_is_replaced(chart, tmp_path, source, target):
-    convert(chart, tmp_path / "refl.hdr")
-    (tmp_path / "refl.sli").rename(tmp_path / "refl.img")
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    name, *words = target.split()
-    done = run(tmp_path / source, tmp_path / name, *words, "--overwrite")
-    assert isinstance(done.exception, ValueError)
-    assert "a file that is read: give the result another name" in str(done.exception)
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+def test_neither_half_of_a_library_that_is_read_is_replaced(chart, here, line):
+    convert(chart, "refl.hdr")
+    Path("refl.sli").rename("refl.img")
+    before = {path: path.read_bytes() for path in here.iterdir()}
+    complaint = "a file that is read: give the result another name"
+    refuse(complaint, *line.split(), "--overwrite")
+    assert {path: path.read_bytes() for path in here.iterdir()} == before
 
 
 def test_a_table_beside_a_library_may_be_converted_again(chart, tmp_path):
@@ -86,23 +89,21 @@ def test_a_table_beside_a_library_may_be_converted_again(chart, tmp_path):
     convert(chart, tmp_path / "chart.hdr", "--overwrite")
 
 
-@pytest.mark.parametrize(
-    ("grid", "complaint"),
-    [
-        ("400:700", "is not FROM:TO:STEP"),
-        ("a:b:c", "is not FROM:TO:STEP"),
-        ("400:700:0", "STEP above 0"),
-        ("700:400:10", "TO not below it"),
-        ("400:705:10", "end at 700"),
-        ("400:inf:10", "FROM must be positive"),
-        ("400:700:1e-9", "too many"),
-        ("380:700:10", "--resample 380:700:10: cannot resample 400-700 nm"),
-    ],
-)
+WRONG_GRIDS = """
+400:700 | is not FROM:TO:STEP
+a:b:c | is not FROM:TO:STEP
+400:700:0 | STEP above 0
+700:400:10 | TO not below it
+400:705:10 | end at 700
+400:inf:10 | FROM must be positive
+400:700:1e-9 | too many
+380:700:10 | --resample 380:700:10: cannot resample 400-700 nm
+"""
+
+
+@pytest.mark.parametrize(("grid", "complaint"), rows(WRONG_GRIDS))
 def test_wrong_grids(chart, tmp_path, grid, complaint):
-    done = run(chart, tmp_path / "out.csv", "--resample", grid)
-    assert isinstance(done.exception, ValueError)
-    assert complaint in str(done.exception)
+    refuse(complaint, chart, tmp_path / "out.csv", "--resample", grid)
     assert not (tmp_path / "out.csv").exists()
 
 
@@ -113,7 +114,7 @@ def test_both_ends_belong_to_a_grid():
 
 def test_one_spectrum_is_one(tmp_path):
     write_spectra(SpectraTable(GRID, ("a",), spectra(1)), tmp_path / "in.csv")
-    assert "1 spectrum, 400-700" in run(tmp_path / "in.csv", tmp_path / "out.csv").output
+    assert "1 spectrum, 400-700" in convert(tmp_path / "in.csv", tmp_path / "out.csv").output
 
 
 def test_instruments_columns(shared_data, tmp_path):

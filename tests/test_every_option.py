@@ -26,6 +26,7 @@ from glazefit.recipe.task import make_task
 from glazejax.appearance.scene.file import example
 
 from .commands import commands, invoke
+from .tables import rows
 
 TESTS = Path(__file__).parent
 GRID = np.arange(400.0, 701.0, 30.0)
@@ -48,20 +49,22 @@ ENGINES = {
     "glazefit.recover.fits": "recover_chunks recover_jointly",
     "glazefit.recover.predict.mixture": "predict_mixture calibrate_mixture",
 }
-USUAL = {
-    "render": "--coats ZincWhite:5um,CobaltBlue:9um",
-    "convert": "spectra.csv new.csv",
-    "paints": "",
-    "export": "ZincWhite:5um,CobaltBlue:9um",
-    "scene": "scene.toml",
-    "studio": "",
-    "identify": "spectra.csv --ground 0.5",
-    "recover": "films.csv --out found",
-    "predict": "1*ZincWhite",
-    "recipe": "--lab 50,20,30",
-    "posterior": "films.csv --sample one --paints CobaltBlue,ZincWhite --out found",
-    "map": "cube.npy --wavelengths bands.txt --ground 0.5",
-}
+USUAL = dict(
+    rows("""
+render | --coats ZincWhite:5um,CobaltBlue:9um
+convert | spectra.csv new.csv
+paints |
+export | ZincWhite:5um,CobaltBlue:9um
+scene | scene.toml
+studio |
+identify | spectra.csv --ground 0.5
+recover | films.csv --out found
+predict | 1*ZincWhite
+recipe | --lab 50,20,30
+posterior | films.csv --sample one --paints CobaltBlue,ZincWhite --out found
+map | cube.npy --wavelengths bands.txt --ground 0.5
+""")
+)
 # What follows an option, in all commands that have it. A flag needs nothing; a number with a default
 # that is not here gets another one.
 WORDS = """
@@ -164,25 +167,26 @@ map --dark --white-reflectance | CUBE --white white.txt
 map --overwrite | CUBE
 """
 # What happens after the computation: tests of the whole command, FILE:NAME.
-AFTERWARDS = {
-    "export --out": "appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps",
-    **dict.fromkeys(
-        ("identify --object", "identify --inventory", "identify --spot", "identify --operator"),
-        "fitting/test_cli_identify.py:test_a_report_is_filed",
-    ),
-    **dict.fromkeys(
-        ("map --object", "map --inventory", "map --operator"),
-        "mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written",
-    ),
-    "map --example": "mapping/test_command.py:test_the_example_is_made_and_mapped",
-    "map --scheduler": "mapping/test_command.py:test_a_dask_scheduler_is_asked",
-    "posterior --resume": "fitting/test_posterior_chain.py:test_command_writes_what_it_says",
-    "predict --illuminant": "fitting/test_variation.py:test_light_and_eye_reach_the_colours",
-    "predict --observer": "fitting/test_variation.py:test_light_and_eye_reach_the_colours",
-    "recover --check": "fitting/test_cli_recover.py:test_mixtures_are_left_out_when_asked",
-    "recover --out": "fitting/test_cli_recover.py:test_results_are_those_of_the_library",
-    "recover --plots": "fitting/test_cli_recover.py:test_names_and_masstones",
-}
+AFTERWARDS = dict(
+    rows("""
+export --out | appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps
+identify --object | fitting/test_cli_identify.py:test_a_report_is_filed
+identify --inventory | fitting/test_cli_identify.py:test_a_report_is_filed
+identify --spot | fitting/test_cli_identify.py:test_a_report_is_filed
+identify --operator | fitting/test_cli_identify.py:test_a_report_is_filed
+map --object | mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written
+map --inventory | mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written
+map --operator | mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written
+map --example | mapping/test_command.py:test_the_example_is_made_and_mapped
+map --scheduler | mapping/test_command.py:test_a_dask_scheduler_is_asked
+posterior --resume | fitting/test_posterior_chain.py:test_command_writes_what_it_says
+predict --illuminant | fitting/test_variation.py:test_light_and_eye_reach_the_colours
+predict --observer | fitting/test_variation.py:test_light_and_eye_reach_the_colours
+recover --check | fitting/test_cli_recover.py:test_mixtures_are_left_out_when_asked
+recover --out | fitting/test_cli_recover.py:test_results_are_those_of_the_library
+recover --plots | fitting/test_cli_recover.py:test_names_and_masstones
+""")
+)
 
 
 SHORT = {
@@ -199,8 +203,7 @@ def pairs(text: str) -> dict[str, str]:
 def cases() -> dict[str, list[str]]:
     """By command and option: the line without it, and what is added to it where that is said."""
     by_name = {}
-    for row in LINES.strip().splitlines():
-        names, *columns = (column.strip() for column in row.split("|"))
+    for names, *columns in rows(LINES):
         command, *options = names.split()
         words = [" ".join(SHORT.get(word, word) for word in each.split()) for each in columns]
         by_name |= {f"{command} {option}": words for option in options}
@@ -295,10 +298,10 @@ def call_command(line: str) -> Reached | tuple[bool, str, list]:
 
 
 def write_files() -> None:
-    def table(path: str, rows: dict[str, float]) -> None:
-        lines = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
-        lines += [",".join([name, *[f"{value:g}"] * GRID.size]) for name, value in rows.items()]
-        Path(path).write_text("\n".join(lines) + "\n")
+    def table(path: str, spectra: dict[str, float]) -> None:
+        lines = [["Name", *(f"{w:g}" for w in GRID)]]
+        lines += [[name, *[f"{value:g}"] * GRID.size] for name, value in spectra.items()]
+        Path(path).write_text("\n".join(map(",".join, lines)) + "\n")
 
     def films(path: str, *names: str, less: float = 0.0) -> None:
         cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}

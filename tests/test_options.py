@@ -17,6 +17,7 @@ from glazejax.commands import options, progress
 
 from .commands import commands
 from .refusals import refusal
+from .tables import rows
 from .test_first_second import environment
 from .test_pigment_table import HEADER
 
@@ -30,18 +31,18 @@ def test_version(run):
     assert run("--version") == (f"glazejax {version('glazejax')}\n", "")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("nonsense", "no such command 'nonsense'"),
-        ("render --lairs x", "no such option: --lairs"),
-        ("render --tolerance low", "'--tolerance' must be a number"),
-        ("recipe --count 2.5", "'--count' must be a whole number"),
-        ("render Eosin:2um,Minium:1um", "glazejax render --coats 'Eosin:2um,Minium:1um'"),
-        ("recipe #8a4b2d", "as in: glazejax recipe --srgb '#8a4b2d'"),
-        ("convert", "missing argument 'IN'"),
-    ],
-)
+WRONG_LINES = """
+nonsense | no such command 'nonsense'
+render --lairs x | no such option: --lairs
+render --tolerance low | '--tolerance' must be a number
+recipe --count 2.5 | '--count' must be a whole number
+render Eosin:2um,Minium:1um | glazejax render --coats 'Eosin:2um,Minium:1um'
+recipe #8a4b2d | as in: glazejax recipe --srgb '#8a4b2d'
+convert | missing argument 'IN'
+"""
+
+
+@pytest.mark.parametrize(("words", "message"), rows(WRONG_LINES))
 def test_a_wrong_command_line_is_one_line(run, words, message):
     out, err = run(*words.split(), fails=2)
     assert out == ""
@@ -86,65 +87,59 @@ def test_a_shell_completes_commands_and_options(run, monkeypatch):
         assert run()[0] == f"{expected}\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "metres"),
-    [
-        ("25um", 25e-6),
-        ("25", 25e-6),
-        ("0.1 mm", 1e-4),
-        ("500nm", 5e-7),
-        ("2.5µm", 2.5e-6),
-        ("1e-5 m", 1e-5),
-        ("10mm", 0.01),
-    ],
-)
+LENGTHS = """
+25um | 25e-6
+25 | 25e-6
+0.1 mm | 1e-4
+500nm | 5e-7
+2.5µm | 2.5e-6
+1e-5 m | 1e-5
+10mm | 0.01
+"""
+RANGES = """
+1-50um | 1e-6 | 50e-6
+1-50 | 1e-6 | 50e-6
+500nm-0.1mm | 5e-7 | 1e-4
+1 um - 50 µm | 1e-6 | 50e-6
+20um | 20e-6 | 20e-6
+"""
+
+
+@pytest.mark.parametrize(("text", "metres"), rows(LENGTHS))
 def test_lengths(text, metres):
-    assert options.read_length(text) == metres
+    assert options.read_length(text) == float(metres)
 
 
-@pytest.mark.parametrize(
-    ("text", "bounds"),
-    [
-        ("1-50um", (1e-6, 50e-6)),
-        ("1-50", (1e-6, 50e-6)),
-        ("500nm-0.1mm", (5e-7, 1e-4)),
-        ("1 um - 50 µm", (1e-6, 50e-6)),
-        ("20um", (20e-6, 20e-6)),
-    ],
-)
-def test_ranges_of_lengths(text, bounds):
-    assert options.read_lengths(text, "--coat-thickness") == bounds
+@pytest.mark.parametrize(("text", "low", "high"), rows(RANGES))
+def test_ranges_of_lengths(text, low, high):
+    assert options.read_lengths(text, "--coat-thickness") == (float(low), float(high))
 
 
-@pytest.mark.parametrize(
-    ("read", "text", "complaint"),
-    [
-        (options.read_length, "thick", "write a number and a unit"),
-        (options.read_length, "nan", "write a number and a unit"),
-        (options.read_length, "", "write a number and a unit"),
-        (options.read_length, "25 furlongs", "the unit 'furlongs' is unknown"),
-        (options.read_length, "0", "above 0"),
-        (options.read_length, "-1um", "above 0"),
-        (options.read_length, "1m", "at most 10 mm"),
-        (options.read_lengths, "thick", "write the thinnest"),
-        (options.read_lengths, "50-1", "must ascend"),
-        (options.read_lengths, "0-1", "must ascend"),
-        (options.read_lengths, "1-2ells", "'ells' is unknown"),
-    ],
-)
-def test_bad_lengths(read, text, complaint):
-    with refusal(complaint) as error:
-        read(text, "--thickness")
-    assert str(error.value).startswith("--thickness is ")
+BAD_LENGTHS = """
+read_length | thick | write a number and a unit
+read_length | nan | write a number and a unit
+read_length | | write a number and a unit
+read_length | 25 furlongs | the unit 'furlongs' is unknown
+read_length | 0 | above 0
+read_length | -1um | above 0
+read_length | 1m | at most 10 mm
+read_lengths | thick | write the thinnest
+read_lengths | 50-1 | must ascend
+read_lengths | 0-1 | must ascend
+read_lengths | 1-2ells | 'ells' is unknown
+"""
+
+
+@pytest.mark.parametrize(("reader", "text", "complaint"), rows(BAD_LENGTHS))
+def test_bad_lengths(reader, text, complaint):
+    with refusal(f"^--thickness is .*{complaint}"):
+        getattr(options, reader)(text, "--thickness")
 
 
 def test_ground_is_a_number_or_a_spectrum(tmp_path):
     ground = options.read_ground("0.5")
-    assert (ground.level, ground.words, ground.on(np.arange(3.0))) == (
-        0.5,
-        "reflectance 0.5",
-        0.5,
-    )
+    assert ground.level == ground.on(np.arange(3.0)) == 0.5
+    assert ground.words == "reflectance 0.5"
     path = tmp_path / "cards.csv"
     path.write_text("wavelength,white,bright\n400,0.8,1.1\n500,0.9,1.1\n600,1,1.1\n")
     ground = options.read_ground(f"{path}:white")
@@ -157,21 +152,24 @@ def test_ground_is_a_number_or_a_spectrum(tmp_path):
         options.read_ground(f"{path}:bright")
     bare = options.read_ground(f"{path}:bright", bare=True)
     assert not any("inside the paint" in note for note in bare.notes)
-    for text, complaint in (
-        ("90", r"--ground is 90; .* \(90 looks like percent: write 0.9\)"),
-        ("-1", "--ground is -1"),
-    ):
-        with refusal(complaint):
-            options.read_ground(text)
+    with refusal(r"--ground is 90; .* \(90 looks like percent: write 0.9\)"):
+        options.read_ground("90")
+    with refusal("--ground is -1"):
+        options.read_ground("-1")
     with refusal(r"'none\.csv' is neither a number", FileNotFoundError):
         options.read_ground("none.csv")
 
 
-def own_paints(folder, *names):
+def own_paints(folder, *names, header=HEADER, encoding=None):
     """A table of paints that are alike."""
-    rows = [f"{name},{nm},1,1,0,0,True" for name in names for nm in (400, 500)]
-    (folder / "mine.csv").write_text("\n".join([HEADER, *rows]))
-    return folder / "mine.csv"
+    lines = [f"{name},{nm},1,1,0,0,True" for name in names for nm in (400, 500)]
+    path = folder / "mine.csv"
+    path.write_text("\n".join([header, *lines]), encoding=encoding)
+    return path
+
+
+def chosen_names(*words):
+    return [paint.name for paint in options.choose_paints(*words)]
 
 
 def test_paints_of_a_shelf(tmp_path):
@@ -182,7 +180,7 @@ def test_paints_of_a_shelf(tmp_path):
         ("blue, zinc white,Blue", "", ["Blue", "ZincWhite"]),
         ("", "Red", ["ZincWhite", "Blue"]),
     ):
-        assert [paint.name for paint in options.choose_paints(shelf, only, without)] == kept
+        assert chosen_names(shelf, only, without) == kept
     with refusal("leave no paint"):
         options.choose_paints(shelf, "Red", "Red")
     with refusal("no pigment 'Mauve'"):
@@ -191,14 +189,15 @@ def test_paints_of_a_shelf(tmp_path):
 
 @pytest.mark.parametrize("name", ["Titanium", "titanium white", "TitanumWhite"])
 def test_a_paint_of_another_catalogue_is_pointed_out(name):
+    oils = catalogue.load("oils")
     with refusal("acrylics:TitaniumWhite") as elsewhere:
-        options.choose_paints(catalogue.load("oils"), name)
+        options.choose_paints(oils, name)
     assert "--catalogue" not in str(elsewhere.value)
     with refusal("there is no pigment 'Nonsense'") as nowhere:
-        options.choose_paints(catalogue.load("oils"), "Nonsense")
+        options.choose_paints(oils, "Nonsense")
     assert "acrylics" not in str(nowhere.value)
     with refusal(r"the nearest are ZincWhite, ZincWhiteLinseed$"):
-        options.choose_paints(catalogue.load("oils"), "Zinc")
+        options.choose_paints(oils, "Zinc")
 
 
 @pytest.mark.parametrize("name", ["acrylics:TitaniumWhite", "acrylics/titanium white"])
@@ -206,14 +205,13 @@ def test_a_paint_of_another_catalogue_is_found_by_both(name, capsys):
     oils = catalogue.load("oils")
     white, zinc = options.choose_paints(oils, f"{name},ZincWhite")
     assert (white.name, zinc.name) == ("acrylics:TitaniumWhite", "ZincWhite")
-    np.testing.assert_array_equal(
-        white.scattering, catalogue.load("acrylics")["TitaniumWhite"].scattering
-    )
+    acrylics = catalogue.load("acrylics")
+    np.testing.assert_array_equal(white.scattering, acrylics["TitaniumWhite"].scattering)
     assert "its own scale of length" in capsys.readouterr().err
-    (plain,) = options.choose_paints(catalogue.load("acrylics"), f"{name},TitaniumWhite")
-    assert plain.name == "TitaniumWhite"
-    kept = options.choose_paints(oils, without="oils:ZincWhite")
-    assert [paint.name for paint in kept] == [name for name in oils if name != "ZincWhite"]
+    assert chosen_names(acrylics, f"{name},TitaniumWhite") == ["TitaniumWhite"]
+    assert chosen_names(oils, "", "oils:ZincWhite") == [
+        name for name in oils if name != "ZincWhite"
+    ]
     assert capsys.readouterr().err == ""
 
 
@@ -237,19 +235,17 @@ def test_a_loosely_typed_name_is_that_of_an_own_paint(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("encoding", "start", "header"),
+    ("encoding", "header"),
     [
-        ("utf-8-sig", "", HEADER),
-        ("cp1252", "", HEADER),
-        ("utf-16", "", HEADER),
-        ("utf-8", "# a comment\n\n", HEADER),
-        ("utf-8", "", " " + HEADER.replace(",", " , ")),
+        ("utf-8-sig", HEADER),
+        ("cp1252", HEADER),
+        ("utf-16", HEADER),
+        ("utf-8", f"# a comment\n\n{HEADER}"),
+        ("utf-8", " " + HEADER.replace(",", " , ")),
     ],
 )
-def test_own_paints_are_there_in_whatever_form_they_are_read(tmp_path, encoding, start, header):
-    path = tmp_path / "mine.csv"
-    rows = [f"Grün,{nm},1,1,0,0,True" for nm in (400, 500)]
-    path.write_text(start + "\n".join([header, *rows]), encoding=encoding)
+def test_own_paints_are_there_in_whatever_form_they_are_read(tmp_path, encoding, header):
+    path = own_paints(tmp_path, "Grün", header=header, encoding=encoding)
     assert list(options.read_shelf(path)) == ["Grün"]
     options.check_coats("Grün:5um", path)
     with refusal("no pigment 'Mauve'"):
@@ -257,8 +253,7 @@ def test_own_paints_are_there_in_whatever_form_they_are_read(tmp_path, encoding,
 
 
 def test_a_table_without_pigments_is_refused_where_it_is_read(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text("name,nm\nRed,400\n")
+    path = own_paints(tmp_path, "Red", header="name,nm")
     options.check_coats("Red:5um", path)
     with refusal("no column pigment"):
         options.read_shelf(path)
@@ -310,11 +305,11 @@ def test_an_interrupt_keeps_what_is_finished():
             raise KeyboardInterrupt
         yield [3]
 
-    parts, how = progress.collect(lambda _: chunks(2), 3, "a", "b")
-    assert (parts, how.interrupted) == ([[1, 2], [3]], False)
-    assert 0 < how.first <= how.seconds
-    parts, how = progress.collect(lambda _: chunks(1), 3, "a", "b")
-    assert (parts, how.interrupted) == ([[1, 2]], True)
+    for stop, finished in ((2, [[1, 2], [3]]), (1, [[1, 2]])):
+        pieces, how = progress.collect(lambda _, stop=stop: chunks(stop), 3, "a", "b")
+        assert pieces == finished
+        assert how.interrupted == (stop == 1)
+        assert 0 < how.first <= how.seconds
     with pytest.raises(KeyboardInterrupt):
         progress.collect(lambda _: chunks(0), 3, "a", "b")
 
@@ -344,13 +339,13 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
 
     monkeypatch.setattr(extras, "distribution", without)
     for words in (
-        ("render", "--coats", "Eosin:1um"),
-        ("recipe", "--lab", "50,0,0", "--out", "a.png"),
-        ("recover", "--simulate", "--out", "r"),
-        ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),
-        ("identify", str(samples.path()), "--out", "a.png"),
+        "render --coats Eosin:1um",
+        "recipe --lab 50,0,0 --out a.png",
+        "recover --simulate --out r",
+        "posterior --simulate --paints Eosin --out r",
+        f"identify {samples.path()} --out a.png",
     ):
-        out, err = run(*words, fails=2)
+        out, err = run(*words.split(), fails=2)
         assert out == ""
         assert err.endswith('pip install "glazejax[plots]"\n')
     assert list(tmp_path.iterdir()) == []

@@ -13,6 +13,8 @@ from scipy.stats import binom
 
 from glazejax import catalogue
 
+from .tables import rows
+
 
 @pytest.fixture(scope="module")
 def measured(shared_data):
@@ -49,24 +51,26 @@ def test_films_that_are_said_to_hide_their_ground_lie_over_no_black_card(measure
     assert np.nanmin(chalk[:, GRID >= 420.0]) > 0.4
 
 
-@pytest.mark.parametrize(
-    ("answer", "truth", "right"),
-    [
-        ([("azurite",)], ["azurite"], True),
-        ([("azurite",), ("chalk",)], ["azurite"], True),
-        ([("azurite",), ("vermilion",)], ["azurite"], False),
-        ([("lead white", "chalk")], ["chalk"], True),
-        ([("azurite",), ("chalk",)], ["chalk"], False),
-        ([("red ochre", "yellow ochre", "raw umber", "burnt umber")], ["raw umber"], True),
-        ([("a", "b", "c", "d", "azurite")], ["azurite"], False),
-        ([("vermilion",), ("minium", "azurite")], ["azurite", "vermilion"], True),
-        ([("vermilion",)], ["azurite", "vermilion"], False),
-        ([("vermilion",)], ["lead white", "vermilion"], True),
-        ([], ["azurite"], False),
-    ],
-)
-def test_an_answer_is_right_as_the_readme_says(answer, truth, right):
-    assert tasks.is_right(answer, truth) == right
+JUDGED = """
+azurite | azurite | right
+azurite, chalk | azurite | right
+azurite, vermilion | azurite | wrong
+lead white + chalk | chalk | right
+azurite, chalk | chalk | wrong
+red ochre + yellow ochre + raw umber + burnt umber | raw umber | right
+a + b + c + d + azurite | azurite | wrong
+vermilion, minium + azurite | azurite, vermilion | right
+vermilion | azurite, vermilion | wrong
+vermilion | lead white, vermilion | right
+| azurite | wrong
+"""
+"""Answers, each of families that are not told apart, and the families that are there."""
+
+
+@pytest.mark.parametrize(("answer", "truth", "verdict"), rows(JUDGED))
+def test_an_answer_is_right_as_the_readme_says(answer, truth, verdict):
+    answers = [tuple(group.split(" + ")) for group in answer.split(", ") if group]
+    assert tasks.is_right(answers, truth.split(", ")) == (verdict == "right")
 
 
 def test_few_answers_have_a_calibration_error_where_all_that_is_stated_is_true():

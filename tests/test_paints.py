@@ -8,6 +8,7 @@ from glazejax import catalogue
 
 from .commands import invoke
 from .refusals import refusal
+from .tables import rows
 
 
 def said(*words):
@@ -44,20 +45,22 @@ def test_the_exemplars_as_a_table(tmp_path):
     assert {row["licence"] for row in rows} == {"CC BY 4.0", "CC0 1.0", "MIT", "public domain"}
 
 
-def test_a_family_that_there_is_not_is_one_sentence(tmp_path):
-    with refusal("no family of pigments is called 'azurit'; nearest: azur"):
-        said("--family", "azurit")
-    with refusal("name it by --family"):
-        said("--out", tmp_path / "x.png")
+REFUSED = """
+--family azurit | no family of pigments is called 'azurit'; nearest: azur
+--out x.png | name it by --family
+--references TABLE --family smalt | leave out --family and --out
+--instrument 45:0 | ^--instrument has no meaning without --references FILE$
+--quantity reflectance | ^--quantity has no meaning without --references FILE$
+--unit nm | ^--unit has no meaning without --references FILE$
+--scale 100 | ^--scale has no meaning without --references FILE$
+"""
 
 
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [("--instrument", "45:0"), ("--quantity", "reflectance"), ("--unit", "nm"), ("--scale", "100")],
-)
-def test_options_of_references_are_refused_without_a_file(option, value):
-    with refusal(f"^{option} has no meaning without --references FILE$"):
-        said(option, value)
+@pytest.mark.parametrize(("words", "complaint"), rows(REFUSED))
+def test_what_is_refused_is_one_sentence(here, words, complaint):
+    (here / "TABLE").touch()
+    with refusal(complaint):
+        said(*words.split())
 
 
 def test_references_are_listed_as_they_are_understood(tmp_path):
@@ -75,5 +78,3 @@ def test_references_are_listed_as_they_are_understood(tmp_path):
     assert "not understood: yellow PY999: no family has the Colour Index number PY999; name" in text
     with table.open() as file:
         assert [row["family"] for row in csv.DictReader(file)] == ["ultramarine", "smalt"]
-    with refusal("leave out --family and --out"):
-        said("--references", library, "--family", "smalt")

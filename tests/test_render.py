@@ -16,6 +16,7 @@ from glazejax.paint.pigment_table import read_pigments
 from glazejax.stacks import read_stack
 
 from .fresh import run_python
+from .tables import rows
 
 W = np.arange(400.0, 701.0, 20.0)
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
@@ -57,6 +58,15 @@ def spectrum(pigments_csv, geometry, ground: float | np.ndarray = 0.9, index=1.5
 STACK = ("--coats", "Red:1um, deep blue:2um")
 
 
+def check_glaze(path, expected):
+    """The glaze in a table of spectra is this one, on the table's wavelengths."""
+    assert_allclose(read_spectra(path)["glaze"], expected, atol=1e-6)
+
+
+def first_colour(out):
+    return re.findall(r"#[0-9a-f]{6}", out)[0]
+
+
 def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     out, err = run(*STACK, "--csv", "spectra.csv")
     assert err == ""
@@ -68,7 +78,7 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
         "layer 1: Red 1 µm alone",
         "layer 2: DeepBlue 2 µm alone",
     )
-    assert_allclose(table["glaze"], expected, atol=1e-6)
+    check_glaze(tmp_path / "spectra.csv", expected)
     assert_array_equal(table.wavelengths, W)
     assert (tmp_path / "glaze.png").read_bytes().startswith(b"\x89PNG")
     printed = [float(r) for line in re.findall(r"^  R  (.*)$", out, re.M) for r in line.split()]
@@ -98,26 +108,21 @@ def test_geometries(run, tmp_path, pigments_csv, options, geometry, words):
     )
     assert err == ""
     assert words in out
-    expected = spectrum(pigments_csv, geometry, 0.5, 1.4)
-    assert_allclose(read_spectra(tmp_path / "s.csv")["glaze"], expected, atol=1e-6)
+    check_glaze(tmp_path / "s.csv", spectrum(pigments_csv, geometry, 0.5, 1.4))
 
 
 def test_ground_from_a_file(run, tmp_path, pigments_csv):
     grid = np.arange(420.0, 681.0, 10.0)
-    white, black = np.linspace(50, 90, grid.size), np.full(grid.size, 5.0)
-    rows = [f"{w:g},{a},{b}" for w, a, b in zip(grid, white, black, strict=True)]
-    (tmp_path / "cards.csv").write_text("\n".join(["wavelength,white card,black card", *rows]))
+    white = np.linspace(50, 90, grid.size)
+    lines = [f"{w:g},{reading},5" for w, reading in zip(grid, white, strict=True)]
+    (tmp_path / "cards.csv").write_text("\n".join(["wavelength,white card,black card", *lines]))
     out, err = run(*STACK, "--ground", "cards.csv:white card", "--csv", "s.csv")
     assert err == ""
-    assert "ground: white card" in out
-    assert "percent" in out
-    assert "inside the paint" in out
-    assert "420-680 nm step 20" in out
-    table = read_spectra(tmp_path / "s.csv")
+    for words in ("ground: white card", "percent", "inside the paint", "420-680 nm step 20"):
+        assert words in out
     ground = np.interp(W, grid, white / 100)
     inside = (W >= 420) & (W <= 680)
-    expected = spectrum(pigments_csv, Bidirectional(), ground)[inside]
-    assert_allclose(table["glaze"], expected, atol=1e-6)
+    check_glaze(tmp_path / "s.csv", spectrum(pigments_csv, Bidirectional(), ground)[inside])
 
     (tmp_path / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     _, err = run(*STACK, "--ground", "infrared.csv", "--out", "b.png", fails=2)
@@ -126,12 +131,11 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
 
 def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
     layers = "0.5*Red+0.5*DeepBlue:1um x3, Red:0um, DeepBlue:1um"
-    out, _ = run("--coats", layers, *["--csv", "s.csv", "--ladder", "deepblue"])
+    out, _ = run("--coats", layers, "--csv", "s.csv", "--ladder", "deepblue")
     shelf = read_pigments(pigments_csv)
     mixed = Mixture([shelf["Red"], shelf["DeepBlue"]], [0.5, 0.5])
     glaze = Glaze([Layer(mixed, 3e-6), Layer(shelf["DeepBlue"], 1e-6)], 0.9)
-    expected = glazejax.reflectance(glaze, Bidirectional())
-    assert_allclose(read_spectra(tmp_path / "s.csv")["glaze"], expected, atol=1e-6)
+    check_glaze(tmp_path / "s.csv", glazejax.reflectance(glaze, Bidirectional()))
     assert re.search(r"3 x 1 µm +=? *3 µm", out)
     assert re.search(r"Red +0 µm +absent", out)
     assert "Ladder of DeepBlue, one coat 1 µm" in out
@@ -141,51 +145,40 @@ def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
 def test_a_stack_is_written_and_drawn(run, tmp_path):
     """The studio's file: what one run wrote the next one draws, own paints included."""
     options = ["--ground", "0.5", "--instrument", "d:8", "--refractive-index", "1.4"]
-    run(
-        "--coats",
-        "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um",
-        *options,
-        "--write-stack",
-        "mixed.json",
-        "--out",
-        "mixed.png",
-    )
+    mixed = "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um"
+    run("--coats", mixed, *options, "--write-stack", "mixed.json", "--out", "mixed.png")
     first, _ = run("--coats", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json")
     stack = read_stack(tmp_path / "stack.json")
-    assert [(coat.name, coat.thickness) for coat in stack.coats] == [
-        ("Red", 6e-6),
-        ("DeepBlue", 1e-6),
-    ]
+    assert [coat.name for coat in stack.coats] == ["Red", "DeepBlue"]
+    assert [coat.thickness for coat in stack.coats] == [6e-6, 1e-6]
     assert (stack.ground, stack.instrument, stack.refractive_index) == (0.5, "d:8", 1.4)
-    second, _ = run("--stack", "stack.json", "--overwrite", pigments=None)
+    again = ("--stack", "stack.json", "--overwrite")
+    second, _ = run(*again, pigments=None)
     # The ladder's coat is another: the two equal coats are one in the file.
-    colours = [re.findall(r"#[0-9a-f]{6}", out)[0] for out in (first, second)]
-    assert colours[0] == colours[1]
-    third, _ = run("--stack", "stack.json", "--ground", "0.1", "--overwrite", pigments=None)
-    assert re.findall(r"#[0-9a-f]{6}", third)[0] != colours[0]
+    assert first_colour(second) == first_colour(first)
+    third, _ = run(*again, "--ground", "0.1", pigments=None)
+    assert first_colour(third) != first_colour(first)
     # Also where it is the usual one, an index that is stated counts before the file's.
-    usual = ["--refractive-index", "1.5", "--write-stack", "usual.json", "--overwrite"]
-    run("--stack", "stack.json", *usual, pigments=None)
+    run(*again, "--refractive-index", "1.5", "--write-stack", "usual.json", pigments=None)
     assert read_stack(tmp_path / "usual.json").refractive_index == 1.5
     _, err = run("--stack", "stack.json", "--coats", "Red:1um", fails=2)
     assert err.startswith("error: --stack stack.json says what")
-    _, err = run("--stack", "stack.json", "--write-stack", "stack.json", "--overwrite", fails=2)
+    _, err = run(*again, "--write-stack", "stack.json", fails=2)
     assert "a file that is read" in err
 
 
 def test_own_paints_come_before_those_of_a_stack(run, tmp_path):
     """The studio's file says CobaltBlue, and one's own paint of that name is drawn."""
     own = tmp_path / "own.csv"
-    rows = [f"CobaltBlue,{w:g},{1e5 if w < 600 else 1e2},1e3,1,1,True" for w in W]
-    own.write_text("\n".join([HEADER, *rows]))
+    lines = [f"CobaltBlue,{w:g},{1e5 if w < 600 else 1e2},1e3,1,1,True" for w in W]
+    own.write_text("\n".join([HEADER, *lines]))
     (tmp_path / "stack.json").write_text(
         '{"glazejax": "stack", "ground": 0.9, "geometry": "0:0", '
         '"coats": [{"paint": {"CobaltBlue": 1}, "um": 5}]}'
     )
     coats, _ = run("--coats", "CobaltBlue:5um", pigments=own)
     stack, _ = run("--stack", "stack.json", "--overwrite", pigments=own)
-    hexes = [re.findall(r"#[0-9a-f]{6}", out)[0] for out in (coats, stack)]
-    assert hexes[0] == hexes[1]
+    assert first_colour(coats) == first_colour(stack)
     _, err = run("--stack", "stack.json", "--catalogue", "oils", fails=2)
     assert err == "error: --stack stack.json says which paints it has: leave out --catalogue\n"
 
@@ -223,38 +216,28 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
     assert "…" not in out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ((), "give the coats, such as --coats"),
-        ((*STACK, "--refractive-index", "3"), "--refractive-index is 3; it must be from 1 to 2.5"),
-        (
-            (*STACK, "--ladder", "Green"),
-            "'Green' is none of the coats: choose one of Red, DeepBlue",
-        ),
-        (
-            ("--coats", "Red:0um,DeepBlue:1um", "--ladder", "Red"),
-            "0 thick, so there is nothing to repeat",
-        ),
-        ((*STACK, "--csv", "a.png", "--out", "a.png"), "--csv and --out are both a.png"),
-        ((*STACK, "--tolerance", "0"), "--tolerance is 0"),
-        (
-            (
-                "--coats",
-                "0.2*Red+0.2*DeepBlue+0.2*Eosin+0.2*Minium+0.2*ZincWhite:1um",
-                "--write-stack",
-                "s.json",
-            ),
-            "--write-stack: a coat is of 5 paints, and a stack's file holds 4 at most",
-        ),
-        (
-            ("--coats", ",".join(["Red:1um"] * 101), "--write-stack", "s.json"),
-            "--write-stack: there are 101 coats, and a stack's file holds 100 at most",
-        ),
-    ],
-)
-def test_bad_input_is_one_clear_line(run, tmp_path, arguments, complaint):
-    out, err = run(*arguments, fails=2)
+REFUSED = r"""
+| give the coats, such as --coats
+--coats TWO --refractive-index 3 | --refractive-index is 3; it must be from 1 to 2.5
+--coats TWO --ladder Green | 'Green' is none of the coats: choose one of Red, DeepBlue
+--coats Red:0um,DeepBlue:1um --ladder Red | 0 thick, so there is nothing to repeat
+--coats TWO --csv a.png --out a.png | --csv and --out are both a.png
+--coats TWO --tolerance 0 | --tolerance is 0
+--coats FIVE --write-stack s.json | --write-stack: a coat is of 5 paints, and a stack's file holds 4 at most
+--coats MANY --write-stack s.json | --write-stack: there are 101 coats, and a stack's file holds 100 at most
+"""
+
+
+COATS = {
+    "TWO": "Red:1um,deep-blue:2um",
+    "FIVE": "0.2*Red+0.2*DeepBlue+0.2*Eosin+0.2*Minium+0.2*ZincWhite:1um",
+    "MANY": ",".join(["Red:1um"] * 101),
+}
+
+
+@pytest.mark.parametrize(("line", "complaint"), rows(REFUSED))
+def test_bad_input_is_one_clear_line(run, tmp_path, line, complaint):
+    out, err = run(*(COATS.get(word, word) for word in line.split()), fails=2)
     assert out == ""
     assert re.fullmatch(rf"error: .*{complaint}.*\n", err)
     assert list(tmp_path.iterdir()) == []
@@ -263,9 +246,7 @@ def test_bad_input_is_one_clear_line(run, tmp_path, arguments, complaint):
 def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
     grid = np.arange(400.0, 701.0, 10.0)
     shelf = {
-        name: Pigment(
-            name, grid, np.full(31, k), np.full(31, 1e3), provenance=f"{name} of the shelf"
-        )
+        name: Pigment(name, grid, np.full(31, k), 1e3 + 0 * grid, provenance=f"{name} of the shelf")
         for name, k in (("Red", 9e9), ("Ochre", 1e5))
     }
     monkeypatch.setattr("glazejax.catalogue.load", lambda _: shelf)
