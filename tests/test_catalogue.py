@@ -1,12 +1,11 @@
 import csv
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, colour, reflectance
+from glazejax import Glaze, Layer, Mixture, Pigment, catalogue, colour, reflectance
 from glazejax.io import read_spectra
 
 from .refusals import refusal
@@ -71,6 +70,13 @@ def test_what_films_hide_is_flagged():
     assert np.all(paints["ChromeYellow"].identifiable)
 
 
+def under_the_surface(reading, outer):
+    """What a ground reflects inside the paint, of its reading in air."""
+    inner = 0.59634
+    bare = (reading - outer) / (1 - outer)
+    return bare / (1 - inner + inner * bare)
+
+
 def test_masstones_come_back_as_measured(shared_data):
     """At some thickness over its own cards, each paint gives the film that was measured."""
     table = read_spectra(shared_data / "revigo" / "reflectance.tsv")
@@ -80,8 +86,7 @@ def test_masstones_come_back_as_measured(shared_data):
         for sample, rest in (line.split("\t") for line in lines)
         if "|100" in rest
     }
-    inner, outer = 0.59634, 0.04001
-    thickness = catalogue.ASSUMED_THICKNESS * np.geomspace(0.2, 10.0, 60)[:, None]
+    thickness = catalogue.ASSUMED_THICKNESS * np.geomspace(0.2, 10.0, 60)
     for name, paint in catalogue.load().items():
         if name in (
             "UltramarineBlue",
@@ -91,13 +96,9 @@ def test_masstones_come_back_as_measured(shared_data):
             continue
         off = []
         for card, film in (("_b", "_ob"), ("_w", "_ow")):
-            bare = (table[samples[name] + card] - outer) / (1 - outer)
-            ground = np.clip(bare / (1 - inner + inner * bare), 0, 1)
-            glaze = Glaze([Layer(paint, thickness[:, 0])], ground)
-            off.append(
-                np.asarray(reflectance(glaze, Hemispherical(8.0), tolerance=1e-4))
-                - table[samples[name] + film]
-            )
+            ground = np.clip(under_the_surface(table[samples[name] + card], 0.04001), 0, 1)
+            spectra = reflectance(Glaze([Layer(paint, thickness)], ground), "d:8", tolerance=1e-4)
+            off.append(np.asarray(spectra) - table[samples[name] + film])
         assert np.sqrt(np.mean(np.square(off), axis=(0, 2))).min() < 0.02, name
 
 
@@ -165,9 +166,7 @@ def test_acrylics_reflect_what_k_and_s_give(golden, white, shared_light, plainly
     theirs = 0.03 + 0.97 * (1 - 0.65) * inside / (1 - 0.65 * inside)
     tints = [Mixture([paint, paints[-1]], [1 - white, white]) for paint in paints]
     films = [Glaze([Layer(tint, 0.01)], 0.0) for tint in tints]
-    ours = np.stack(
-        [np.asarray(reflectance(film, Hemispherical(8.0, specular=False))) for film in films]
-    )
+    ours = np.stack([reflectance(film, "de:8") for film in films])
     fresnel = 0.0400  # of index 1.5 at 8 degrees
     grid = paints[0].wavelengths
     for values, bound in (
@@ -181,20 +180,14 @@ def test_acrylics_reflect_what_k_and_s_give(golden, white, shared_light, plainly
 def test_titanium_white_hides_as_assumed():
     """Over a card that reads .8, a film of 76 micrometres reaches 98 % contrast."""
     white = catalogue.pigment("TitaniumWhite", "acrylics")
-    entered = (0.8 - 0.03) / 0.97
-    grounds = (0.0, entered / (1 - 0.59634 + 0.59634 * entered))
-    black, card = (
-        0.03
-        + 0.97
-        / 0.96
-        * reflectance(Glaze([Layer(white, 76e-6)], ground), Hemispherical(8.0, specular=False))
-        for ground in grounds
-    )
-    luminance = [float(colour.xyz(white.wavelengths, film)[1]) for film in (black, card)]
+    luminance = []
+    for ground in (0.0, under_the_surface(0.8, 0.03)):
+        film = 0.03 + 0.97 / 0.96 * reflectance(Glaze([Layer(white, 76e-6)], ground), "de:8")
+        luminance.append(float(colour.xyz(white.wavelengths, film)[1]))
     assert luminance[0] / luminance[1] == pytest.approx(0.98, abs=1e-3)
 
 
-def test_own_paints_are_read_as_those_that_ship(tmp_path: Path) -> None:
+def test_own_paints_are_read_as_those_that_ship(tmp_path):
     own = tmp_path / "mine.csv"
     lines = [f"Night,{nm},{1000 + nm},{2000 - nm}" for nm in (400, 500, 600, 700)]
     own.write_text(
@@ -207,6 +200,6 @@ def test_own_paints_are_read_as_those_that_ship(tmp_path: Path) -> None:
         mine["night blue"]
 
 
-def test_a_file_of_own_paints_that_is_not_there_is_said_in_a_line(tmp_path: Path) -> None:
+def test_a_file_of_own_paints_that_is_not_there_is_said_in_a_line(tmp_path):
     with refusal(r"nowhere\.csv", FileNotFoundError):
         catalogue.read(tmp_path / "nowhere.csv")

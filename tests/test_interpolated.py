@@ -2,6 +2,8 @@
 that help.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +16,10 @@ import glazejax as gj
 from glazejax.chebyshev_table import Mirrored
 from glazejax.radiative.common import chunks
 
+from .checks import finite
 from .refusals import refusal
+
+check_near = partial(assert_allclose, rtol=0)
 
 GRID = np.arange(400.0, 701.0, 60.0)
 TOLERANCE = 1e-4
@@ -35,6 +40,12 @@ def spectrum(thickness, share):
 @pytest.fixture(scope="module")
 def table():
     return gj.interpolated(spectrum, RANGES, tolerance=TOLERANCE)
+
+
+def random_places(count):
+    """Thicknesses and shares in the ranges of the table."""
+    rng = np.random.default_rng(0)
+    return rng.uniform(0, 40e-6, count), rng.uniform(0, 1, count)
 
 
 def paint(**columns) -> np.ndarray:
@@ -64,7 +75,7 @@ def test_ranges_order_and_error_are_said(table):
 @given(st.floats(0, 40e-6), st.floats(0, 1))
 def test_value_is_the_solvers_anywhere(table, thickness, share):
     exact = spectrum(np.full(64, thickness), np.full(64, share))[0]
-    assert_allclose(table(thickness, share), exact, rtol=0, atol=TOLERANCE)
+    check_near(table(thickness, share), exact, atol=TOLERANCE)
 
 
 def test_slopes_are_the_solvers(table):
@@ -76,16 +87,15 @@ def test_slopes_are_the_solvers(table):
         exact = jax.jvp(spectrum, at, change)[1]
         found = jax.jvp(table, at, change)[1]
         # Slopes over the whole range; a polynomial loses about its degree in accuracy.
-        assert_allclose(found, exact, rtol=0, atol=100 * TOLERANCE)
+        check_near(found, exact, atol=100 * TOLERANCE)
         assert np.max(np.abs(exact)) > 0.1
     total = jax.grad(lambda x: jnp.sum(table(x, at[1])))(at[0])
     assert_allclose(total, jnp.sum(jax.jvp(table, at, (jnp.ones(64), jnp.zeros(64)))[1], axis=1))
 
 
 def test_slopes_are_finite_at_the_ends_and_go_on_beyond_them(table):
-    for thickness, share in ((0.0, 0.0), (40e-6, 1.0)):
-        slopes = jax.jacobian(lambda x: table(x[0], x[1]))(jnp.array([thickness, share]))
-        assert np.all(np.isfinite(slopes))
+    for end in ((0.0, 0.0), (40e-6, 1.0)):
+        assert finite(jax.jacobian(lambda x: table(*x))(jnp.array(end)))
     curved = jax.hessian(lambda x: table(x, 0.4)[0])(1e-5)
     assert np.isfinite(curved)
     assert curved != 0
@@ -100,14 +110,14 @@ def test_table_is_a_pytree_whose_coefficients_can_be_learned(table):
 
 
 def test_jit_vmap_pieces_and_names_are_the_same(table):
-    rng = np.random.default_rng(0)
-    thickness, share = rng.uniform(0, 40e-6, (3, 2001)), rng.uniform(0, 1, 2001)
+    thickness, share = random_places((3, 2001))
+    share = share[0]
     whole = table(thickness, share)
     assert whole.shape == (3, 2001, GRID.size)
     one_by_one = jax.vmap(jax.vmap(table), (0, None))(thickness, share)
     # Batches multiply matrices of another shape, in another order of sums.
-    assert_allclose(whole, one_by_one, rtol=0, atol=1e-12)
-    assert_allclose(whole, jax.jit(table)(thickness, share), rtol=0, atol=1e-12)
+    check_near(whole, one_by_one, atol=1e-12)
+    check_near(whole, jax.jit(table)(thickness, share), atol=1e-12)
     assert_array_equal(whole, table(share=share, thickness=thickness))
     slopes = jax.grad(lambda x: jnp.sum(table(x, share)))(thickness)
     few = jax.grad(lambda x: jnp.sum(table(x, share[:5])))(thickness[:, :5])
@@ -115,18 +125,16 @@ def test_jit_vmap_pieces_and_names_are_the_same(table):
 
 
 def test_many_points_go_to_all_cores(table, monkeypatch):
-    rng = np.random.default_rng(1)
-    at = rng.uniform(0, 40e-6, 2**16 + 3), rng.uniform(0, 1, 2**16 + 3)
+    at = random_places(2**16 + 3)
     monkeypatch.setattr(chunks, "cores", lambda: 2)
-    assert_allclose(table(*at), jax.jit(table)(*at), rtol=0, atol=1e-13)
+    check_near(table(*at), jax.jit(table)(*at), atol=1e-13)
 
 
 def test_float32_is_the_same_to_rounding(table):
-    rng = np.random.default_rng(0)
-    at = rng.uniform(0, 40e-6, 500), rng.uniform(0, 1, 500)
+    at = random_places(500)
     single = table.astype(jnp.float32)(*at)
     assert single.dtype == jnp.float32
-    assert_allclose(single, table(*at), rtol=0, atol=3e-6)
+    check_near(single, table(*at), atol=3e-6)
 
 
 def test_traced_values_outside_are_moved_to_the_end_with_its_slope(table):
@@ -183,9 +191,8 @@ def test_what_the_function_refuses_is_passed_on():
     ],
 )
 def test_what_is_wrong_is_named(change, words):
-    asked = {"function": paint, "ranges": {"x": (0, 1)}} | change
     with refusal(words):
-        gj.interpolated(asked.pop("function"), asked.pop("ranges"), **asked)
+        gj.interpolated(**{"function": paint, "ranges": {"x": (0, 1)}} | change)
 
 
 def test_what_is_no_number_is_named(unchecked, table):
@@ -204,24 +211,23 @@ def test_a_table_is_built_outside_jit():
 
 
 def test_a_function_of_single_numbers_is_wrapped():
-    table = gj.interpolated(
-        jax.jit(jax.vmap(lambda x: jnp.exp(-x))), {"x": (-1, 2)}, tolerance=1e-8
-    )
+    falling = jax.jit(jax.vmap(lambda x: jnp.exp(-x)))
+    table = gj.interpolated(falling, {"x": (-1, 2)}, tolerance=1e-8)
     assert table.shape == ()
-    assert_allclose(table(np.linspace(-1, 2, 7)), np.exp(-np.linspace(-1, 2, 7)), rtol=0, atol=1e-8)
+    x = np.linspace(-1, 2, 7)
+    check_near(table(x), np.exp(-x), atol=1e-8)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 def test_error_is_as_asked_and_points_are_few(axes: int, tolerance: float):
     high = dict(zip("xyz"[:axes], (40e-6, 5e-6, 30e-6), strict=False))
-    table = gj.interpolated(
-        paint, {name: (0, top) for name, top in high.items()}, tolerance=tolerance
-    )
+    ranges = {name: (0, top) for name, top in high.items()}
+    table = gj.interpolated(paint, ranges, tolerance=tolerance)
     assert table.error <= tolerance
     rng = np.random.default_rng(1)
     points = {name: rng.uniform(0, top, 5000) for name, top in high.items()}
-    assert_allclose(table(**points), paint(**points), rtol=0, atol=tolerance)
+    check_near(table(**points), paint(**points), atol=tolerance)
     assert table.evaluations < {1: 700, 2: 3200, 3: 20000}[axes]
 
 
@@ -233,7 +239,7 @@ def test_what_is_steep_at_the_upper_end_is_met_too():
     assert table.converged
     assert isinstance(table.axes[0], Mirrored)
     share = 1 - np.geomspace(1e-5, 1, 3000)
-    assert_allclose(table(share), steep(share), rtol=0, atol=1e-4)
+    check_near(table(share), steep(share), atol=1e-4)
 
 
 def test_check_points_come_from_the_samples_and_distance_counts():
