@@ -16,34 +16,17 @@ from .fresh import run_python
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-OPTIONAL = {
-    "typer": "commands",
-    "rich": "commands",
-    "matplotlib": "plots",
-    "corner": "plots",
-    "jinja2": "plots",
-    "python_calamine": "formats",
-    "arviz": "arviz",
-    "h5py": "arviz",
-    "trimesh": "scene",
-    "embreex": "scene",
-    "OpenEXR": "scene",
-    "xarray": "cube",
-    "pandas": "cube",
-    "zarr": "cube",
-    "dask": "cube",
-    "distributed": "cube",
-    "h5netcdf": "cube",
-    "tifffile": "cube",
-    "PIL": "cube",
-    "threadpoolctl": "cube",
-    "filelock": "cube",
-    "starlette": "studio",
-    "uvicorn": "studio",
-    "websockets": "studio",
-    "anywidget": "studio",
-    "mitsuba": "render",
+PACKAGES = {
+    "commands": "typer rich",
+    "plots": "matplotlib corner jinja2",
+    "formats": "python_calamine",
+    "arviz": "arviz h5py",
+    "scene": "trimesh embreex OpenEXR",
+    "cube": "xarray pandas zarr dask distributed h5netcdf tifffile PIL threadpoolctl filelock",
+    "studio": "starlette uvicorn websockets anywidget",
+    "render": "mitsuba",
 }
+OPTIONAL = {package: extra for extra, names in PACKAGES.items() for package in names.split()}
 
 _BLOCK = f"""
 import sys

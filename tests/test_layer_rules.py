@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.render import layer_rules
-from benchmarks.render.layer_rules import RULES, Coat
+from benchmarks.render.layer_rules import RULES, Coat, albedo, even_light, factor, internal
 from benchmarks.render.layered_csv import layers_in_words
 from benchmarks.render.layered_stacks import STACKS
 from numpy.testing import assert_allclose
@@ -21,13 +20,11 @@ BASE, CLEAR = np.array([0.05, 0.5, 1.0]), np.ones(3)
 TABLE = Path(__file__).parents[1] / "benchmarks" / "results" / "layered_truth.csv"
 
 
-def _smooth(
-    index: float,
-) -> tuple[float, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def _smooth(index):
     """<E>, and cosines with E at them."""
     y, w = np.polynomial.legendre.leggauss(64)
     mu = 0.5 * (1.0 + y)
-    even = layer_rules.even_light(np.asarray(dielectric_reflectance(mu, index)), mu, 0.5 * w)
+    even = even_light(np.asarray(dielectric_reflectance(mu, index)), mu, 0.5 * w)
     lit, seen = ((c, np.asarray(dielectric_reflectance(c, index))) for c in (LIT, SEEN))
     return even, lit, seen
 
@@ -36,16 +33,14 @@ def _smooth(
 def test_no_coat_is_the_base(rule):
     even, lit, seen = _smooth(1.0)
     coat = Coat(BASE, CLEAR, 1.0, even)
-    assert_allclose(
-        layer_rules.factor(rule, coat, lit, seen), np.broadcast_to(BASE, (3, 2, 3)), atol=1e-12
-    )
-    assert_allclose(layer_rules.albedo(rule, coat, seen), np.broadcast_to(BASE, (2, 3)), atol=1e-12)
+    assert_allclose(factor(rule, coat, lit, seen), np.broadcast_to(BASE, (3, 2, 3)), atol=1e-12)
+    assert_allclose(albedo(rule, coat, seen), np.broadcast_to(BASE, (2, 3)), atol=1e-12)
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_clear_coat_on_white_loses_nothing(rule):
     even, _, seen = _smooth(1.5)
-    body = layer_rules.albedo(rule, Coat(BASE, CLEAR, 1.5, even), seen)
+    body = albedo(rule, Coat(BASE, CLEAR, 1.5, even), seen)
     assert_allclose(body[:, 2] + seen[1], 1.0, atol=1e-12)
 
 
@@ -53,34 +48,34 @@ def test_only_one_is_reciprocal():
     even, lit, _ = _smooth(1.5)
     coat = Coat(BASE, CLEAR, 1.5, even)
     for rule in RULES:
-        factor = layer_rules.factor(rule, coat, lit, lit)
-        assert np.allclose(factor, factor.transpose(1, 0, 2)) == (rule == "reciprocal")
+        there = factor(rule, coat, lit, lit)
+        assert np.allclose(there, there.transpose(1, 0, 2)) == (rule == "reciprocal")
 
 
 def test_darkening_is_exact_on_a_diffuse_base():
     """A clear smooth coat on a Lambertian ground: OpenPBR's and Belcour's albedo is the
     solver's.
     """
-    even, _, seen = _smooth(1.5)
+    even, lit, seen = _smooth(1.5)
     coat = Coat(BASE, CLEAR, 1.5, even)
     exact = stack_hemispherical_reflectance(
         np.zeros((2, 3, 1)), np.zeros((2, 3, 1)), BASE, cos_incidence=SEEN[:, None], tolerance=1e-8
     )
     for rule in ("openpbr", "belcour"):
-        assert_allclose(layer_rules.albedo(rule, coat, seen), exact, atol=1e-6)
+        assert_allclose(albedo(rule, coat, seen), exact, atol=1e-6)
     for rule in ("scaling", "reciprocal"):
-        assert np.max(np.abs(layer_rules.albedo(rule, coat, seen) - exact)) > 0.1
+        assert np.max(np.abs(albedo(rule, coat, seen) - exact)) > 0.1
     # The shape over both angles is exact only with both surfaces' transmittances and the darkening.
-    factor = stack_reflectance_factor(
+    expected = stack_reflectance_factor(
         np.zeros((3, 2, 3, 1)),
         np.zeros((3, 2, 3, 1)),
         BASE,
         cos_incidence=LIT[:, None, None],
         cos_viewing=SEEN[:, None],
     )
-    k = layer_rules.internal(coat)
-    shape = layer_rules.factor("reciprocal", coat, _smooth(1.5)[1], seen) * (1 - k) / (1 - BASE * k)
-    assert_allclose(shape, factor, atol=1e-6)
+    k = internal(coat)
+    shape = factor("reciprocal", coat, lit, seen) * (1 - k) / (1 - BASE * k)
+    assert_allclose(shape, expected, atol=1e-6)
 
 
 @pytest.mark.skipif(not TABLE.exists(), reason="the table has not been made")

@@ -29,7 +29,7 @@ FLAT = np.full(SIZE, 1e-6)
 
 
 @pytest.fixture(scope="module")
-def paints() -> tuple[Pigment, Pigment]:
+def paints():
     x = (GRID - 400) / 300
     blue = Pigment("blue", GRID, 5e5 * x + 2e4, 4e4 + 0 * x)
     yellow = Pigment("yellow", GRID, 4e5 * np.exp(-8 * x), 2e5 + 3e5 * x)
@@ -37,7 +37,7 @@ def paints() -> tuple[Pigment, Pigment]:
 
 
 @pytest.fixture(scope="module")
-def maps() -> tuple[np.ndarray, np.ndarray]:
+def maps():
     rng = np.random.default_rng(0)
     y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]] / 24
     return 4e-6 * x * (1 + 0.2 * rng.random(SIZE)), 2e-6 + 20e-6 * np.sin(
@@ -45,8 +45,8 @@ def maps() -> tuple[np.ndarray, np.ndarray]:
     ) ** 2 + 1e-6 * rng.random(SIZE)
 
 
-def difference(one, two, white) -> np.ndarray:
-    return colour.delta_e_2000(colour.xyz_to_lab(one.xyz, white), colour.xyz_to_lab(two.xyz, white))
+def difference(one, two, white):
+    return colour.delta_e_2000(*(colour.xyz_to_lab(image.xyz, white) for image in (one, two)))
 
 
 def test_interpolated_picture_is_the_full_one(paints, maps):
@@ -144,7 +144,7 @@ def test_picture_is_written(paints, maps, tmp_path):
         ({"instrument": Bidirectional([10, 20], 0)}, "one angle"),
     ],
 )
-def test_what_is_wrong_is_named(paints, change: dict, words: str):
+def test_what_is_wrong_is_named(paints, change, words):
     asked = {"thickness_maps": (FLAT, 1e-6), "ground": 0.5} | change
     with pytest.raises(ValueError, match=words):
         picture(paints, **asked)

@@ -23,9 +23,9 @@ def test_pigments_are_read(tmp_path):
     pigments = read_pigments(put(tmp_path, GOOD))
     assert list(pigments) == ["A", "B"]
     a, b = pigments["A"], pigments["B"]
-    assert_array_equal(a.wavelengths, [400, 410])
-    assert_array_equal(a.absorption, [10, 11])
-    assert_array_equal(a.scattering, [20, 21])
+    assert_array_equal(
+        [a.wavelengths, a.absorption, a.scattering], [[400, 410], [10, 11], [20, 21]]
+    )
     assert_array_equal(a.scattering_sd, [2, 2])
     assert_array_equal(a.identifiable, [True, False])
     assert_array_equal(b.scattering, [2, 4])
@@ -76,13 +76,14 @@ def test_columns_in_any_order_comments_and_extras(tmp_path):
 
 
 def test_error_modes_are_paired_by_their_numbers(tmp_path):
-    titles = "pigment,wavelength_nm,absorption,scattering,"
-    order = "k_mode_10,s_mode_2,k_mode_2,s_mode_10"
-    modes = read_pigments(put(tmp_path, f"{titles}{order}\nA,400,1,1,.1,.2,.3,.4\n"))["A"]
-    assert_array_equal(modes.error_modes, [[[0.3], [0.2]], [[0.1], [0.4]]])
-    other = order.replace("s_mode_2", "s_mode_3")
-    alone = read_pigments(put(tmp_path, f"{titles}{other}\nA,400,1,1,.1,.2,.3,.4\n"))["A"]
-    assert alone.error_modes is None
+    text = (
+        "pigment,wavelength_nm,absorption,scattering,k_mode_10,s_mode_2,k_mode_2,s_mode_10\n"
+        "A,400,1,1,.1,.2,.3,.4\n"
+    )
+    modes = read_pigments(put(tmp_path, text))["A"].error_modes
+    assert_array_equal(modes, [[[0.3], [0.2]], [[0.1], [0.4]]])
+    alone = put(tmp_path, text.replace("s_mode_2", "s_mode_3"))
+    assert read_pigments(alone)["A"].error_modes is None
 
 
 @pytest.mark.parametrize(

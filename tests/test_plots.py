@@ -17,10 +17,19 @@ from .test_rendering import BLUE, RED, W
 NAMES = ["Red", "Blue", "Nothing"]
 
 
+def render_coats(*coats):
+    glaze = Glaze(coats, 0.9)
+    return render(glaze, Bidirectional(), layer=0, coat=1e-6, coats=12, tolerance=1e-4)
+
+
+def curves(figure):
+    """Spectra of a figure by their labels."""
+    return {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+
+
 @pytest.fixture(scope="module")
 def rendering():
-    glaze = Glaze([Layer(RED, 1e-6), Layer(BLUE, 2e-6), Layer(BLUE, 0.0)], 0.9)
-    return render(glaze, Bidirectional(), layer=0, coat=1e-6, coats=12, tolerance=1e-4)
+    return render_coats(Layer(RED, 1e-6), Layer(BLUE, 2e-6), Layer(BLUE, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +38,7 @@ def figure(rendering):
 
 
 def test_spectra_drawn_are_those_computed(figure, rendering):
-    lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    lines = curves(figure)
     assert_array_equal(lines["the glaze"], rendering.glaze)
     assert_array_equal(lines["bare ground"], rendering.ground)
     assert_array_equal(lines["Blue alone"], rendering.alone[1])
@@ -82,11 +91,8 @@ def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
 
 
 def test_one_layer_shows_rungs_of_its_ladder():
-    glaze = Glaze([Layer(RED, 1e-6)], 0.9)
-    result = render(glaze, Bidirectional(), layer=0, coat=1e-6, coats=12, tolerance=1e-4)
-    lines = {
-        line.get_label(): line.get_ydata() for line in glaze_figure(result, ["Red"]).axes[0].lines
-    }
+    result = render_coats(Layer(RED, 1e-6))
+    lines = curves(glaze_figure(result, ["Red"]))
     assert set(lines) == {"bare ground", "the glaze", "5 coats", "10 coats"}
     assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
 
