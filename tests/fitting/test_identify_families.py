@@ -3,6 +3,8 @@ of them.
 """
 
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,12 +34,21 @@ from glazejax import Pigment, catalogue, colour, stack_reflectance_factor
 from ..refusals import refusal
 
 GRID = np.arange(420.0, 691.0, 10.0)
+VISIBLE = np.arange(400.0, 701.0, 10.0)
+WIDE = np.arange(380.0, 731.0, 10.0)
+identify_hidden = partial(identify, opaque=True, instrument="45:0")
 
 
 @pytest.fixture(scope="module")
 def others(shelf):
     """Exemplars of all sources but hyperdoc's."""
     return [paint for paint in shelf if paint.source != "hyperdoc"]
+
+
+@pytest.fixture(scope="module")
+def few(others):
+    """Of three families."""
+    return [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +63,10 @@ def find(mockups, others):
     """What identifies some rows of the mock-ups."""
     _, wavelengths, readings = mockups
 
-    def found(rows, **options):
-        return identify(
-            wavelengths, readings[rows], others, opaque=True, instrument="45:0", **options
-        )
+    def find(rows, **options):
+        return identify_hidden(wavelengths, readings[rows], others, **options)
 
-    return found
+    return find
 
 
 def rows_of(source, family):
@@ -111,9 +120,8 @@ def test_colours_are_those_of_cie94_from_grey():
     read = features.colours(GRID, bodies)
     assert read is not None
     grey, pink = read
-    grid = np.arange(400.0, 701.0, 10.0)
-    plain = features.with_one_gloss(np.where(grid > 580.0, 0.33, 0.29))
-    chroma = np.hypot(*colour.lab(grid, plain)[1:])
+    plain = features.with_one_gloss(np.where(VISIBLE > 580.0, 0.33, 0.29))
+    chroma = np.hypot(*colour.lab(VISIBLE, plain)[1:])
     assert np.hypot(*pink[1:]) == pytest.approx(chroma / (1 + 0.0225 * chroma), rel=0.05)
     assert np.hypot(*grey[1:]) < 0.2
     assert features.colours(np.arange(900.0, 1701.0, 10.0), np.full((1, 81), 0.5)) is None
@@ -150,9 +158,8 @@ def test_a_metric_needs_two_paints_of_a_family():
 
 
 def test_thick_films_are_those_of_the_solver():
-    response = film_response("45:0")
     ratio = np.geomspace(1e-4, 30.0, 9)
-    found = templates.hiding_body(response, ratio[None])[0]
+    found = templates.hiding_body(film_response("45:0"), ratio[None])[0]
     expected = stack_reflectance_factor(
         (1.0 / (1.0 + ratio))[:, None],
         np.full((9, 1), 1e5),
@@ -167,7 +174,7 @@ def test_thick_films_are_those_of_the_solver():
 def test_a_mixture_of_one_paint_with_itself_is_that_paint(shelf):
     two = [paint for paint in shelf if paint.family == "azurite" and paint.source == "hyppigments"]
     known = templates.coefficients(two[:2], GRID)
-    same = np.stack([known[:, 0], known[:, 0]], axis=1)
+    same = known[:, [0, 0]]
     response = film_response("45:0")
     pure = templates.pure_templates(same, response, None)
     mixed = templates.mixed_templates(same, np.array([0, 1]), np.zeros((2, 3)), response, None)
@@ -195,9 +202,8 @@ def found_search(others):
 @pytest.mark.parametrize("instrument", ["d:8", "de:8", "45:0"])
 def test_a_black_is_a_black_whatever_the_instrument(others, instrument):
     """A flat .0092 cannot be read by d:8 from a smooth surface, which reflects .04 by itself."""
-    grid = np.arange(380.0, 731.0, 10.0)
-    blacks = np.array([0.0092, 0.02, 0.045])[:, None] * np.ones(grid.size)
-    found = identify(grid, blacks, others, opaque=True, instrument=instrument)
+    blacks = np.array([0.0092, 0.02, 0.045])[:, None] * np.ones(WIDE.size)
+    found = identify_hidden(WIDE, blacks, others, instrument=instrument)
     for sets in found.family_sets:
         assert "a black" in sets[0].families
     expected = 0.0092 / 0.04 if instrument == "d:8" else 1.0
@@ -206,10 +212,8 @@ def test_a_black_is_a_black_whatever_the_instrument(others, instrument):
 
 def test_a_teal_is_no_white(others):
     """An edge of rutile between 380 and 410 nm once outweighed all other bands."""
-    grid = np.arange(380.0, 731.0, 10.0)
-    body = 0.75 - 0.4 / (1.0 + np.exp(-(grid - 590.0) / 15.0))
-    reading = body * np.clip((grid - 370.0) / 45.0, 0.1, 1.0)
-    found = identify(grid, reading, others, opaque=True, instrument="45:0")
+    body = 0.75 - 0.4 / (1.0 + np.exp(-(WIDE - 590.0) / 15.0))
+    found = identify_hidden(WIDE, body * np.clip((WIDE - 370.0) / 45.0, 0.1, 1.0), others)
     whites = {"a white", *GROUPS["a white"]}
     assert not found.explained[0] or set(found.family_sets[0][0].families) - whites
 
@@ -258,15 +262,15 @@ def test_the_film_of_an_answer_has_the_gloss_of_its_reading(found_search, others
     dark = bodies[bodies.min(axis=1) < 0.015][::997]
     assert len(dark) > 3
     matte = 0.03 + 0.97 * dark
-    found = identify(GRID, matte, others, opaque=True, instrument=instrument)
+    found = identify_hidden(GRID, matte, others, instrument=instrument)
     compared = GRID >= 415.0
     darkest = found.fitted[:, 0, 0, compared].min(axis=1)
     assert darkest == pytest.approx(matte[:, compared].min(axis=1), abs=1e-6)
 
 
 def test_probabilities_are_probabilities(found_search):
-    rng = np.random.default_rng(0)
-    odds = found_search.odds(rng.uniform(0.05, 0.9, (7, GRID.size)))
+    readings = np.random.default_rng(0).uniform(0.05, 0.9, (7, GRID.size))
+    odds = found_search.odds(readings)
     assert odds.sets.sum(axis=1) + odds.none == pytest.approx(np.ones(7))
     assert (odds.sets >= 0).all()
     assert ((odds.fraction >= 0) & (odds.fraction <= 1)).all()
@@ -309,42 +313,37 @@ def test_power_and_sharpness_undo_what_is_too_sure():
     assert stated.mean() == pytest.approx(first.mean(), abs=0.02)
 
 
-def test_none_is_stated_as_often_as_it_is_true():
-    """Of two normal densities, 1 apart, the log odds are a line of slope 1 through the middle."""
-    rng = np.random.default_rng(6)
-    known, foreign = rng.normal([[1.0], [0.0]], 1.0, (2, 20000))
-    usual = rng.normal(-20.0, 3.0, (2, 20000))
+def learn_none(seed, *, taken_off):
+    """Log evidence of known paints, and what is learnt of it and of foreign ones': two normal
+    densities 1 apart, less so much of what any paint's density holds.
+    """
+    rng = np.random.default_rng(seed)
+    fits = rng.normal([[1.0], [0.0]], 1.0, (2, 20000))
+    usual = rng.normal(-20.0, 3.0, fits.shape)
+    pairs = np.stack([fits - taken_off * usual, usual], axis=-1)
     weights = np.ones(20000)
-    slopes, intercept, least = calibration.learn_none(
-        np.column_stack([known, usual[0]]), np.column_stack([foreign, usual[1]]), (weights, weights)
-    )
+    return fits[0], calibration.learn_none(*pairs, (weights, weights))
+
+
+def test_none_is_stated_as_often_as_it_is_true():
+    """The log odds are a line of slope 1 through the middle."""
+    known, (slopes, intercept, least) = learn_none(6, taken_off=0.0)
     assert slopes == pytest.approx((1.0, 0.0), abs=0.05)
     assert np.mean(known < least) == pytest.approx(calibration.FALSE_ALARMS, abs=1e-3)
     sure = Sureness(slopes=slopes, intercept=intercept)
-    middle = np.array([[0.5]])
-    anywhere = np.array([-20.0])
-    assert sure.none(middle, anywhere, 0.5)[0] == pytest.approx(0.5, abs=0.02)
-    assert sure.none(middle, anywhere, 0.1)[0] == pytest.approx(0.1, abs=0.02)
+    for chance in (0.5, 0.1):
+        none = sure.none(np.array([[0.5]]), np.array([-20.0]), chance)
+        assert none[0] == pytest.approx(chance, abs=0.02)
 
 
 def test_an_unusual_reading_owes_its_evidence_to_how_unusual_it_is():
-    """Log evidence of two normal densities, less a term that any paint's density holds, too: what
-    that term adds is taken off again.
-    """
-    rng = np.random.default_rng(7)
-    fits = rng.normal([[1.0], [0.0]], 1.0, (2, 20000))
-    any_paint = rng.normal(-20.0, 3.0, (2, 20000))
-    known, foreign = (
-        np.column_stack([fit - usual, usual]) for fit, usual in zip(fits, any_paint, strict=True)
-    )
-    weights = np.ones(20000)
-    slopes, _, _ = calibration.learn_none(known, foreign, (weights, weights))
+    """What a term of any paint's density adds is taken off again."""
+    slopes = learn_none(7, taken_off=1.0)[1][0]
     assert slopes == pytest.approx((1.0, 1.0), abs=0.05)
 
 
 def test_evidence_is_sometimes_worthless():
-    log_sets = np.array([[500.0, 0.0, -np.inf]])
-    shares = Sureness().share(log_sets, np.log([0.2, 0.2, 0.6]))
+    shares = Sureness().share(np.array([[500.0, 0.0, -np.inf]]), np.log([0.2, 0.2, 0.6]))
     assert shares.sum() == pytest.approx(1.0)
     assert shares[0, 1] == pytest.approx(WORTHLESS / 2)
     assert shares[0, 2] == 0.0
@@ -375,15 +374,17 @@ def test_exemplars_of_one_source_teach_no_sureness(shelf):
     assert np.isfinite(odds.sets).all()
 
 
+def colours_of(found):
+    return [name for name in found.families(0)[0][0] if name not in COLOURLESS]
+
+
 @pytest.mark.parametrize(
     "family", ["azurite", "vermilion", "malachite", "red ochre", "burnt umber", "minium"]
 )
 def test_mockups_of_another_hand_are_named(mockups, find, family):
     """Gum arabic on paper, by another laboratory than all exemplars: the oils alone named none."""
     found = find(rows_of(mockups[0], family)[:1])
-    first = found.families(0)[0][0]
-    coloured = [name for name in first if name not in COLOURLESS]
-    assert coloured in ([family], [group_of(family)])
+    assert colours_of(found) in ([family], [group_of(family)])
     assert found.explained[0]
     assert found.ranked(0, 1)[0].paints[0] in found.paints
 
@@ -393,8 +394,7 @@ def test_a_colour_in_white_is_named_by_its_colour(mockups, find):
     row = [sample.name for sample in source.samples].index("16A")
     assert source.families(source.samples[row]) == ("azurite", "lead white")
     found = find([row])
-    first = found.families(0)[0][0]
-    assert [name for name in first if name not in COLOURLESS] == ["azurite"]
+    assert colours_of(found) == ["azurite"]
     two = next(candidate for candidate in found.ranked(0) if len(candidate.paints) == 2)
     assert sum(two.fractions) == pytest.approx(1.0)
     assert (two.fractions_90[:, 0] <= two.fractions).all()
@@ -412,11 +412,10 @@ def test_a_coat_over_a_ground_is_named_too(others):
         assert 0 < found.ranked(row, 1)[0].thickness < 1e-3
 
 
-def test_films_over_different_grounds_keep_their_order(mockups, others):
+def test_films_over_different_grounds_keep_their_order(mockups, few):
     source, wavelengths, readings = mockups
     bands = (wavelengths >= 420.0) & (wavelengths <= 690.0) & (wavelengths % 10 == 0)
     rows = rows_of(source, "malachite") + rows_of(source, "azurite")[:1]
-    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
     grounds = np.array([0.8, 0.3])
 
     def sought(chosen):
@@ -438,9 +437,8 @@ def test_films_over_different_grounds_keep_their_order(mockups, others):
         assert both.none[row] == pytest.approx(alone.none[0], abs=0.05)
 
 
-def test_answers_do_not_depend_on_what_was_searched_before(others, monkeypatch):
+def test_answers_do_not_depend_on_what_was_searched_before(few, monkeypatch):
     """How sure a search may be once came from the first one, over whatever ground that was."""
-    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
     grounds = np.array([0.3, 0.9])
     reading = np.interp(GRID, [420.0, 480.0, 560.0, 620.0, 690.0], [0.25, 0.3, 0.15, 0.1, 0.2])
 
@@ -457,18 +455,13 @@ def test_answers_do_not_depend_on_what_was_searched_before(others, monkeypatch):
     assert chances([1, 0], hidden_before=True)[::-1] == pytest.approx(first, rel=1e-9, abs=0.0)
 
 
-def test_the_thickness_of_a_film_is_that_which_its_spectrum_was_computed_with(others):
+def test_the_thickness_of_a_film_is_that_which_its_spectrum_was_computed_with(few):
     """It was stated in coats of another usual thickness than films are computed in."""
-    few = [paint for paint in others if paint.family in ("malachite", "azurite", "vermilion")]
     ground = np.full(GRID.size, 0.85)
-    options = IdentificationOptions(instrument="45:0", max_paints=1)
-    search = set_up.prepare_search(GRID, few, options, ground)
-    films = search.templates
+    options: dict = {"instrument": "45:0", "max_paints": 1}
+    films = set_up.prepare_search(GRID, few, IdentificationOptions(**options), ground).templates
     row = int(np.flatnonzero(films.thickness == 1.2)[0])
-    answer = identify(
-        GRID, films.readings[row], few, ground=ground, instrument="45:0", max_paints=1
-    )
-    best = answer.ranked(0, 1)[0]
+    best = identify(GRID, films.readings[row], few, ground=ground, **options).ranked(0, 1)[0]
     paint = few[films.members[row, 0]]
     assert best.paints == (paint.name,)
     absorption, scattering = best.thickness * templates.coefficients([paint], GRID)
@@ -493,7 +486,7 @@ def test_paints_under_a_varnish_are_named_where_it_is_stated(mockups, others):
     seen = under_varnish(film_response("45:0"), readings[rows], thickness)
 
     def count_right(varnish):
-        found = identify(wavelengths, seen, others, opaque=True, instrument="45:0", varnish=varnish)
+        found = identify_hidden(wavelengths, seen, others, varnish=varnish)
         return sum(
             group_of(source.families(source.samples[row])[0])
             in map(group_of, found.families(number)[0][0])
@@ -509,18 +502,16 @@ def test_paints_under_a_varnish_are_named_where_it_is_stated(mockups, others):
 def test_varnishes_are_covers_of_their_expected_amount():
     response = film_response("45:0")
     body = np.full((400, GRID.size), 0.5)
-    thin = CONDITIONS["thin"]
-    unknown = CONDITIONS["unknown"]
-    assert thin is not None
-    assert unknown is not None
+    conditions: Any = CONDITIONS
+    thin = conditions["thin"]
     random = under_varnish(response, body, thin.at_random(GRID, len(body)))
     expected = under_varnish(response, body, thin.expected(GRID))
     assert np.mean(random, axis=0) == pytest.approx(expected[0], abs=0.04)
     assert (random <= 0.5 + 1e-9).all()
     # Some are none at all, and none shines.
     assert random[:, 0].std() > 0.03
-    assert CONDITIONS["none"] is None
-    assert unknown.expected(np.array([400.0])).item() == pytest.approx(0.16)
+    assert conditions["none"] is None
+    assert conditions["unknown"].expected(np.array([400.0])).item() == pytest.approx(0.16)
 
 
 # ---- names ---------------------------------------------------------------------------------------
@@ -561,9 +552,7 @@ def test_a_group_is_named_where_no_family_has_most_of_it(found_search):
 
 
 def test_every_family_of_a_group_is_known():
-    known = catalogue.families()
-    for members in GROUPS.values():
-        assert set(members) <= set(known)
+    assert set().union(*GROUPS.values()) <= set(catalogue.families())
 
 
 # ---- elements and years --------------------------------------------------------------------------
@@ -661,18 +650,16 @@ def test_what_cannot_be_asked_is_said(others, change, words):
 def test_too_few_exemplars_are_said(others):
     few = [paint for paint in others if paint.family == "azurite"][:3]
     with refusal("3 exemplars have the spectra's bands, too few"):
-        identify(GRID, np.full(GRID.size, 0.5), few, opaque=True)
+        identify_hidden(GRID, np.full(GRID.size, 0.5), few)
 
 
 @pytest.mark.slow
 def test_the_narrow_model_is_kept_for_own_films(shelf):
     oils = [paint for paint in shelf if paint.source == "revigo"][:4]
-    grid = np.arange(400.0, 701.0, 10.0)
-    reading = np.full((1, grid.size), 0.4)
-    found = identify(grid, reading, oils, ground=0.9, max_paints=1, own_films=True)
-    assert not found.family_sets
+    find = partial(identify, VISIBLE, np.full(VISIBLE.size, 0.4), ground=0.9, max_paints=1)
+    assert not find(oils, own_films=True).family_sets
     with refusal(r"use catalogue\.load"):
-        identify(grid, reading, catalogue.load("oils"), ground=0.9, max_paints=1, painted=1700)
+        find(catalogue.load("oils"), painted=1700)
 
 
 def test_paints_without_a_family_are_sought_as_paints():
@@ -684,7 +671,7 @@ def test_paints_without_a_family_are_sought_as_paints():
 
 def test_identifications_by_family_are_joined_and_printed(mockups, find):
     found = find(rows_of(mockups[0], "azurite")[:2], names=["a", "b"])
-    both = type(found).join([found, replace(found, measured=found.measured)])
+    both = type(found).join([found, found])
     assert len(both.family_sets) == 4
     assert "azurite" in found.words(0)
     assert "nearest exemplar" in found.words(0)

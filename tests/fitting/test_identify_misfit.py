@@ -1,6 +1,5 @@
 """How far films of right answers are from readings, and what a report by family draws."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -39,18 +38,17 @@ def shelf(shelf):
     return [paint for paint in shelf if paint.family in FAMILIES]
 
 
+def identify_hidden(spectra, shelf):
+    """Which families hide under these spectra, by name."""
+    readings = np.stack([*spectra.values()])
+    asked: dict = dict(names=[*spectra], opaque=True, instrument="45:0", keep=40)
+    return identify(GRID, readings, shelf, **asked)
+
+
 @pytest.fixture(scope="module")
 def found(shelf):
     """A red and a grey, by these families."""
-    return identify(
-        GRID,
-        np.stack([RED, np.full(GRID.size, 0.3)]),
-        shelf,
-        opaque=True,
-        names=["red", "grey"],
-        instrument="45:0",
-        keep=40,
-    )
+    return identify_hidden({"red": RED, "grey": np.full(GRID.size, 0.3)}, shelf)
 
 
 def families(shelf) -> dict[str, str]:
@@ -88,8 +86,7 @@ def test_right_answers_among_equal_paints_are_off_by_nothing(shelf, found):
         Pigment(
             f"twin of {paint.name}",
             paint.wavelengths,
-            np.asarray(paint.absorption)
-            * np.exp(0.01 * rng.standard_normal(paint.wavelengths.size)),
+            paint.absorption * rng.lognormal(0.0, 0.01, paint.wavelengths.size),
             paint.scattering,
         ).renamed(f"twin of {paint.name}", family=paint.family, source="twins")
         for paint in shelf
@@ -124,8 +121,8 @@ def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
             assert np.nanmax(fitted) == pytest.approx(reading.max(), rel=0.15)
         assert films[0].scale != pytest.approx(1.0, abs=1e-3)
     # A film of paints is drawn as it was fitted.
-    own = replace(found, family_sets=())
-    for film, candidate in zip(explanations(own, 0, 3), own.ranked(0, 3), strict=True):
+    paints = replace(found, family_sets=())
+    for film, candidate in zip(explanations(paints, 0, 3), paints.ranked(0, 3), strict=True):
         assert_array_equal(film.fitted, candidate.fitted)
         assert film.words == candidate.words
 
@@ -133,19 +130,19 @@ def test_each_answer_is_drawn_by_its_nearest_film(shelf, found):
 def test_the_nearest_exemplar_is_of_the_answer(shelf, found):
     """Also where the most probable single set belongs to another answer."""
     of = families(shelf)
-    first = found.family_sets[0][0]
-    other = next(
-        n
-        for n, one in enumerate(found.ranked(0))
-        if answer_of(of[paint] for paint in one.paints) != answer_of(first.families)
-    )
+    answer = answer_of(found.family_sets[0][0].families)
+
+    def is_of_it(paints):
+        return answer_of(of[paint] for paint in paints) == answer
+
+    other = next(n for n, one in enumerate(found.ranked(0)) if not is_of_it(one.paints))
     probability = found.probability.copy()
     probability[0, [0, other]] = probability[0, [other, 0]]
     order = [other, *(n for n in range(probability.shape[1]) if n != other)]
     swapped = replace(found, members=found.members[:, order], probability=probability[:, order])
     named = swapped.nearest_exemplars(0)
     assert named in swapped.verdict(0)
-    assert answer_of(of[paint] for paint in named.split(" + ")) == answer_of(first.families)
+    assert is_of_it(named.split(" + "))
     assert next(iter(table_of(swapped)[1]))[5] == named
 
 
@@ -153,12 +150,11 @@ def test_residuals_are_of_the_film_that_is_drawn(found, tmp_path):
     write_residuals(found, tmp_path / "off.csv")
     lines = read_rows(tmp_path / "off.csv")
     (film,) = explanations(found, 0, 1)
-    fitted = [float(line["fitted at the reading's gloss and brightness"]) for line in lines]
-    bands = film.fitted.shape[1]
-    assert_allclose(fitted[:bands], film.fitted[0], rtol=1e-4)
-    measured = np.array([float(line["measured"]) for line in lines[:bands]])
-    off = np.array([float(line["residual"]) for line in lines[:bands]])
-    assert_allclose(off, measured - fitted[:bands], atol=1e-5)
+    titles = "fitted at the reading's gloss and brightness", "measured", "residual"
+    rows = [[float(line[title]) for title in titles] for line in lines[: GRID.size]]
+    fitted, measured, off = np.transpose(rows)
+    assert_allclose(fitted, film.fitted[0], rtol=1e-4)
+    assert_allclose(off, measured - fitted, atol=1e-5)
 
 
 def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
@@ -166,7 +162,6 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     assert usual is not None
     about = ABOUT | {"subject": {"inventory": "SK-A-1"}}
     filed = make_record(found, about, ("red", "grey"), 5, usual=usual)
-    assert filed["subject"] == {"inventory": "SK-A-1"}
     text = html(filed)
     seen = Parsed(text)
     assert "<dt>Inventory number</dt><dd>SK-A-1</dd>" in text
@@ -175,7 +170,7 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     assert "vermilion" in spot["families"][0]["families"]
     fits = fits_to_draw(spot["explanations"])
     misfit = f"{100 * fits[0]['misfit']:.1f}"
-    words = re.sub(r"\s+", " ", seen.words["spot-1"])
+    words = " ".join(seen.words["spot-1"].split())
     assert f"Line 1 has an error of {misfit}" in words
     assert f"Of {usual.answers} right answers" in words
     assert ("further than is usual" in words) == (fits[0]["misfit"] > usual.nine_tenths)
@@ -184,8 +179,8 @@ def test_a_page_by_family_says_how_large_a_misfit_is_usual(shelf, found):
     assert high >= np.max(spot["measured"]) + np.max(spot["usual_band"][0][-3:])
     assert high >= max(value for fit in fits for value in fit["fitted"][0] if value is not None)
     assert text.count('class="usual"') == 2
-    rows = list(table_of_record(filed)[1])
-    assert rows[0][-1] == " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
+    first, *_ = table_of_record(filed)[1]
+    assert first[-1] == " + ".join(paint["name"] for paint in spot["explanations"][0]["paints"])
     far = {**fits[0], "misfit": 2 * usual.nine_tenths}
     further = {**filed, "spots": [{**spot, "explanations": [far, *fits[1:]]}]}
     assert "further than is usual" in html(further)
@@ -200,11 +195,8 @@ def test_a_page_by_family_of_an_interrupted_run_says_what_is_missing(found):
 
 def test_the_nearest_answer_is_named_however_improbable_it_is(shelf):
     """A spectrum like no paint had no answer, no row in a table, and no page."""
-    step = np.where(GRID < 560.0, 0.9, 0.02)
     names = ("step", "red")
-    unlike = identify(
-        GRID, np.stack([step, RED]), shelf, opaque=True, names=names, instrument="45:0", keep=40
-    )
+    unlike = identify_hidden({"step": np.where(GRID < 560.0, 0.9, 0.02), "red": RED}, shelf)
     assert 0.999 < unlike.none[0] < 1.0
     (answer,) = unlike.family_sets[0]
     assert answer.probability < 1e-3

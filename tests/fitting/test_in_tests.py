@@ -13,18 +13,14 @@ def test_a_stated_probability_finds_the_answers_that_stated_as_much():
         low, high = float(row["from"]), float(row["to"])
         counts = int(row["right"]), int(row["answers"])
         assert counts[0] <= counts[1] > 0
-        infrared = row["infrared"] == "1"
-        for probability in (low, 0.5 * (low + high), high - 1e-6):
-            assert came_true(probability, infrared) == counts
-        if high == 1.0:
-            assert came_true(1.0, infrared) == counts
+        highest = high if high == 1.0 else high - 1e-6
+        for probability in (low, 0.5 * (low + high), highest):
+            assert came_true(probability, row["infrared"] == "1") == counts
     # Each kind of reading covers all probabilities, without a gap.
     for infrared in ("0", "1"):
-        own = [row for row in rows if row["infrared"] == infrared]
-        assert [own[0]["from"], *(row["to"] for row in own)] == [
-            *(row["from"] for row in own),
-            "1.0",
-        ]
+        bins = [(row["from"], row["to"]) for row in rows if row["infrared"] == infrared]
+        starts, ends = zip(*bins, strict=True)
+        assert ends == (*starts[1:], "1.0")
 
 
 def test_near_infrared_begins_where_the_bench_counts_it():

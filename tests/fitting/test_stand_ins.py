@@ -5,13 +5,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from glazefit.identify.families.templates import with_stand_ins
 
-RNG = np.random.default_rng(3)
-K_AND_S = np.exp(RNG.normal(10.0, 1.0, (2, 5, 8)))
+K_AND_S = np.exp(np.random.default_rng(3).normal(10.0, 1.0, (2, 5, 8)))
 FAMILY_OF = np.array([0, 0, 0, 1, 1])
 
 
-def known_between(first: int, last: int, row: int) -> np.ndarray:
-    """The coefficients with one exemplar known from one band to another."""
+def known_between(first: int, last: int, row: int | slice) -> np.ndarray:
+    """The coefficients with an exemplar, or some, known from one band to another."""
     k_and_s = K_AND_S.copy()
     k_and_s[:, row, :first] = np.nan
     k_and_s[:, row, last + 1 :] = np.nan
@@ -34,9 +33,7 @@ def test_a_copy_of_a_relative_is_continued_as_it():
 
 
 def test_all_stand_in_for_a_family_that_is_known_nowhere_else():
-    k_and_s = known_between(0, 5, 4)
-    families = np.array([0, 0, 0, 1, 2])
-    filled = with_stand_ins(k_and_s, families)
+    filled = with_stand_ins(known_between(0, 5, 4), np.array([0, 0, 0, 1, 2]))
     ratio = np.log(filled[0] / filled[1])
     change = ratio[:4, 6:] - ratio[:4, [5]]
     assert_allclose(ratio[4, 6:], ratio[4, 5] + np.median(change, axis=0), rtol=1e-12)
@@ -51,7 +48,5 @@ def test_what_is_known_nowhere_stays_unknown():
 
 
 def test_what_nobody_knows_stays_unknown():
-    k_and_s = K_AND_S.copy()
-    k_and_s[:, :, 6:] = np.nan
-    filled = with_stand_ins(k_and_s, FAMILY_OF)
-    assert_allclose(filled, k_and_s, rtol=1e-12)
+    k_and_s = known_between(0, 5, slice(None))
+    assert_allclose(with_stand_ins(k_and_s, FAMILY_OF), k_and_s, rtol=1e-12)
