@@ -47,8 +47,8 @@ SEEN = Bidirectional(45, 0)
 
 @pytest.fixture(scope="module")
 def oils():
-    paints = catalogue.load()
-    return [paints[name].resample(GRID) for name in ("CobaltBlue", "LeadWhite", "ChromeYellow")]
+    names = ("CobaltBlue", "LeadWhite", "ChromeYellow")
+    return [catalogue.pigment(name).resample(GRID) for name in names]
 
 
 def in_usual_coats(paints, *grounds):
@@ -84,12 +84,9 @@ def test_ways_are_named_top_first():
 def test_readings_on_the_grid_are_those_of_the_forward_solver(oils):
     paints = oils[:2]
     table = grid_readings(OVER, in_usual_coats(paints))
-    nodes = np.linspace(-3.6, 3.2, 15)
+    thickness = 25e-6 * np.exp(np.linspace(-3.6, 3.2, 15))
     for top, below in ((3, 9), (8, 4)):
-        coats = [
-            Layer(paint, 25e-6 * np.exp(nodes[number]))
-            for paint, number in zip(paints, (top, below), strict=True)
-        ]
+        coats = [*map(Layer, paints, thickness[[top, below]])]
         assert_allclose(table.readings[15 * top + below], read(coats), atol=2e-3)
         # Where the upper coat is missing, the lower one is seen.
         assert_allclose(table.patches[0][15 * top + below], read(coats[1:]), atol=2e-3)
@@ -100,26 +97,25 @@ def test_slopes_are_those_of_the_readings(oils):
     films = in_usual_coats(oils[:2], GROUND, np.full(GRID.size, 0.05))
     amounts = np.array([[0.3, 1.2], [1.0, 0.4]])
     slopes = films.read_and_slopes(OVER, amounts)[1]
-    for number, at in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
-        one, other = (films.coefficients.copy() for _ in range(2))
-        one[at] *= np.exp(0.1)
-        other[at] *= np.exp(-0.1)
-        several = [films._replace(coefficients=k).read(OVER, amounts[None]) for k in (one, other)]
-        assert_allclose(slopes[:, number], (several[0] - several[1]) / 0.2, atol=0.01)
+    for number, at in enumerate(np.ndindex(2, 2)):
+
+        def change(by, at=at):
+            coefficients = films.coefficients.copy()
+            coefficients[at] *= np.exp(by)
+            return films._replace(coefficients=coefficients).read(OVER, amounts[None])
+
+        assert_allclose(slopes[:, number], (change(0.1) - change(-0.1)) / 0.2, atol=0.01)
 
 
 def test_coats_that_no_mixture_looks_like_are_among_the_nearest(oils):
-    blue, white, yellow = oils
-    coats = [Layer(white, 6e-6), Layer(yellow, 25e-6)]
+    coats = [Layer(oils[1], 6e-6), Layer(oils[2], 25e-6)]
     for grounds in ([GROUND], [np.full(GRID.size, 0.03), GROUND]):
         bodies = np.array([[read(coats, ground) for ground in grounds]])
-        films = in_usual_coats([blue, white, yellow], *grounds)
-        pairs = nearest_pairs(bodies, films, np.zeros(3))
-        assert pairs[0, 0].tolist() == [1, 2]
         # A paint that is hardly ever there comes after.
-        rare = np.log([1.0, 1e-300, 1.0])
-        pairs = nearest_pairs(bodies, films, rare)
-        assert pairs[0, 0].tolist() == [0, 2]
+        for chance, nearest in ((1.0, [1, 2]), (1e-300, [0, 2])):
+            common = np.log([1.0, chance, 1.0])
+            pairs = nearest_pairs(bodies, in_usual_coats(oils, *grounds), common)
+            assert pairs[0, 0].tolist() == nearest
 
 
 def test_a_film_that_hides_does_not_know_its_ground(oils):
@@ -140,15 +136,14 @@ def test_the_prior_sums_to_one_and_fractions_are_uniform():
 
 
 def test_a_gain_is_integrated_as_a_gaussian(monkeypatch):
-    rng = np.random.default_rng(1)
-    computed = rng.normal(size=(1, 1, 6))
-    seen = rng.normal(size=(1, 3, 6))
+    computed, *readings = np.random.default_rng(1).normal(size=(4, 6))
     for name, value in {"_GAINS": {0.3: 1.0}, "_SCALES": {1.0: 1.0}, "_PATCHY": 0.0}.items():
         monkeypatch.setattr(evidence_module, name, value)
-    found = evidence_module._log_likelihood(seen, computed, [])[0, 0]
-    covariance = np.eye(6) + 0.09 * np.outer(computed[0, 0], computed[0, 0])
+    spectra, films = np.array([readings]), computed[None, None]
+    found = evidence_module._log_likelihood(spectra, films, [])[0, 0]
+    covariance = np.eye(6) + 0.09 * np.outer(computed, computed)
     gaussian: Any = multivariate_normal
-    exact = gaussian.logpdf(seen[0], computed[0, 0], covariance)
+    exact = gaussian.logpdf(readings, computed, covariance)
     assert_allclose(found - 3.0 * np.log(2.0 * np.pi), exact, rtol=1e-10)
 
 
@@ -160,10 +155,10 @@ def test_what_lies_between_two_nodes_adds_covariance_along_each_amount():
     slopes = 0.1 * rng.normal(size=(2, GRID.size))
     nodes = np.linspace(*LOG_AMOUNTS, NODES[2])
     logs = every_pair(nodes)
-    nothing = np.zeros((len(logs), 2, GRID.size))
+    nothing = np.zeros((len(logs), *slopes.shape))
     flat, straight = (
         evidence_module._covariance(
-            GridReadings(0.3 + logs @ each, nothing, []), np.ones((2, GRID.size)), GRID
+            GridReadings(0.3 + logs @ each, nothing, []), np.ones_like(slopes), GRID
         )
         for each in (0.0 * slopes, slopes)
     )
@@ -177,32 +172,30 @@ def _better(share, length, product):
     return 2.0 * norm.pdf(share, scale=0.2) * np.exp(moved)
 
 
-def test_a_patch_is_integrated_over_shares_above_zero():
-    rng = np.random.default_rng(2)
-    patch, seen = rng.normal(size=(2, 5))
-    for sign in (1.0, -1.0):
-        length, product = patch @ patch, sign * patch @ seen
-
-        exact = quad(_better, 0.0, 5.0, args=(length, product))[0]
-        found = evidence_module._log_patch(np.array([[[length]]]), np.array([[[product]]]))
-        assert found.item() == pytest.approx(np.log(exact), abs=1e-8)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_patch_is_integrated_over_shares_above_zero(sign):
+    patch, reading = np.random.default_rng(2).normal(size=(2, 5))
+    sizes = patch @ patch, sign * patch @ reading
+    exact = quad(_better, 0.0, 5.0, args=sizes)[0]
+    (found,) = evidence_module._log_patch(*np.reshape(sizes, (2, 1, 1, 1))).ravel()
+    assert found == pytest.approx(np.log(exact), abs=1e-8)
 
 
 def test_evidence_tells_the_amounts(oils, monkeypatch):
     paints = oils[:2]
-    coats = [Layer(paints[0], 10e-6), Layer(paints[1], 30e-6)]
+    coats = [*map(Layer, paints, (10e-6, 30e-6))]
     monkeypatch.setattr(evidence_module, "_AMPLITUDE", 0.002)
     monkeypatch.setattr(evidence_module, "_OFFSET", 0.001)
     monkeypatch.setattr(evidence_module, "coefficient_sd", lambda k, s: np.full(k.shape, 0.01))
     found = weigh_arrangement(read(coats)[None], OVER, in_usual_coats(paints))
-    off = found.log_amounts[0] - np.log([10.0 / 25.0, 30.0 / 25.0])
+    off = found.log_amounts[0] - np.log([0.4, 1.2])
     assert np.all(np.abs(off) < 3.0 * np.sqrt(np.diagonal(found.covariance[0])) + 0.05)
     assert off[0] == pytest.approx(0.0, abs=0.1)
 
 
 def odds(spectrum, paints, **options):
-    given: dict = dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
-    return identify(GRID, spectrum, paints, **given)
+    asked: dict = dict(ground=GROUND, instrument="45:0", max_paints=2, max_coats=2) | options
+    return identify(GRID, spectrum, paints, **asked)
 
 
 @pytest.mark.parametrize("count", [2, slow(3)])
@@ -222,9 +215,9 @@ def test_a_mixture_and_a_superposition_are_told(oils, count):
     assert found.coats_odds[1][0].most_probable == "LeadWhite over CobaltBlue"
     if count == 3:
         assert found.coats_odds[2][0].most_probable == "CobaltBlue over ChromeYellow"
-    for own in found.coats_odds:
-        assert sum(one.share for one in own) == pytest.approx(1.0)
-        for one in own:
+    for sets in found.coats_odds:
+        assert sum(one.share for one in sets) == pytest.approx(1.0)
+        for one in sets:
             assert sum(one.chances.values()) == pytest.approx(1.0)
     # What is named agrees with the odds.
     assert any(found.ranked(1)[0].coats)
@@ -235,7 +228,7 @@ def test_a_mixture_and_a_superposition_are_told(oils, count):
 
 @pytest.mark.parametrize(("paints", "coats"), [(1, 2), slow(1, 3), (2, 3)])
 def test_no_set_in_coats_is_larger_than_what_is_tried(oils, paints, coats):
-    film = read([Layer(oils[0], 8e-6), Layer(oils[1], 20e-6)])
+    film = read([*map(Layer, oils, (8e-6, 20e-6))])
     found = odds(film, oils, max_paints=paints, max_coats=coats)
     sizes = {len(one.paints) for one in found.coats_odds[0]}
     assert sizes == ({2} if paints == 2 else set())
@@ -253,8 +246,7 @@ def test_no_set_of_families_is_larger_than_what_is_tried():
 
 @pytest.mark.slow
 def test_an_upper_coat_that_hides_leaves_it_open(oils):
-    blue, white, _ = oils
-    found = odds(read([Layer(white, 400e-6), Layer(blue, 25e-6)]), [blue, white])
+    found = odds(read([Layer(oils[1], 400e-6), Layer(oils[0], 25e-6)]), oils[:2])
     assert 0.1 < found.coats_probability[0] < 0.9
     assert "hides" in found.coats_odds[0][0].reason
     assert "open" in found.coats_words(0)
@@ -274,10 +266,9 @@ def test_one_coat_is_not_asked_unless_told(oils):
 
 @pytest.mark.slow
 def test_three_coats_are_told(oils):
-    blue, white, yellow = oils
-    film = read([Layer(blue, 3e-6), Layer(white, 12e-6), Layer(yellow, 40e-6)])
-    found = odds(film, oils, max_paints=3, max_coats=3)
-    three = next(one for one in found.coats_odds[0] if len(one.paints) == 3)
+    film = read([*map(Layer, oils, (3e-6, 12e-6, 40e-6))])
+    (sets,) = odds(film, oils, max_paints=3, max_coats=3).coats_odds
+    three = next(one for one in sets if len(one.paints) == 3)
     assert len(three.chances) == 3 + 13
     assert three.layered > DECIDED
 
@@ -294,20 +285,19 @@ def test_stated_probabilities_come_true_in_simulation(oils):
     smooth = errors._AMPLITUDE**2 * errors.smooth_kernel(GRID, errors._LENGTH)
     smooth += errors._NOISE**2 * np.eye(GRID.size) + errors._OFFSET**2
     films = []
-    truths = []
-    for number in range(120):
-        way = ways[0] if number % 2 else ways[1 + number // 2 % 2]
+    drawn = [ways[1], ways[0], ways[2], ways[0]] * 30
+    for way in drawn:
         weight = np.exp(log_prior(way)).sum(axis=1)
         node = rng.choice(len(weight), p=weight)
         moved = tables[way].readings[node] * (1.0 + min(errors._GAINS) * rng.normal())
         films.append(moved + rng.multivariate_normal(np.zeros(GRID.size), smooth))
-        truths.append(way != ways[0])
     found = odds(np.clip(films, 0.0, 1.4), pair)
     # None was drawn of one paint alone: these ways are left out of what is stated.
-    mixed = np.array([own[0].chances["CobaltBlue + LeadWhite"] for own in found.coats_odds])
-    layered = np.array([own[0].layered for own in found.coats_odds])
+    both = [sets[0] for sets in found.coats_odds]
+    mixed = np.array([one.chances["CobaltBlue + LeadWhite"] for one in both])
+    layered = np.array([one.layered for one in both])
     chance = layered / (layered + mixed)
-    truth = np.array(truths, dtype=float)
+    truth = np.array([way != ways[0] for way in drawn])
     # Stated chances come true within their counting error, and tell.
     spread = np.sqrt(np.sum(chance * (1.0 - chance)))
     assert abs(chance.sum() - truth.sum()) < 3.0 * spread

@@ -21,26 +21,15 @@ def table():
 
 
 def random_films(count=500):
-    rng = np.random.default_rng(5)
-    return (
-        np.exp(rng.uniform(np.log(1e-7), np.log(100), count)),
-        np.exp(rng.uniform(np.log(1e-7), np.log(400), count)),
-        rng.uniform(0, 1, count),
-    )
+    kd, sd, ground = np.random.default_rng(5).uniform(size=(3, count))
+    return 1e-7 * 1e9**kd, 1e-7 * 4e9**sd, ground
 
 
-def solved(kd, sd, ground, tolerance=1e-7):
+def solved(kd, sd, ground, solve=stack_hemispherical_reflectance, **options):
     depth = kd + sd
     albedo = sd / np.where(depth > 0, depth, 1.0)
-    return np.asarray(
-        stack_hemispherical_reflectance(
-            albedo[:, None],
-            depth[:, None],
-            ground,
-            cos_incidence=SPHERE.cos_incidence,
-            tolerance=tolerance,
-        )
-    )
+    options = {"cos_incidence": SPHERE.cos_incidence, "tolerance": 1e-7} | options
+    return np.asarray(solve(albedo[:, None], depth[:, None], ground, **options))
 
 
 def test_equals_the_solver(table):
@@ -84,12 +73,12 @@ def test_slopes_equal_finite_differences_of_the_solver(table):
     _, *slopes = table.body_and_slopes(*films, ground)
     for which, slope in enumerate(slopes):
         step = 1e-3 * films * (np.arange(2)[:, None] == which)
-        up, down = (solved(k, s, ground, 1e-9) for k, s in (films + step, films - step))
+        up, down = (solved(k, s, ground, tolerance=1e-9) for k, s in (films + step, films - step))
         assert_allclose(slope, (up - down) / (2 * step[which]), rtol=2e-3, atol=1e-5)
 
 
 def test_slopes_are_finite_at_the_ends(table):
-    ends = np.array([0.0, 0.0, 1e5, 0.0]), np.array([0.0, 1.0, 0.0, 1e5])
+    ends = np.array([[0.0, 0.0, 1e5, 0.0], [0.0, 1.0, 0.0, 1e5]])
     slopes = jax.jit(jax.grad(lambda k, s: jnp.sum(table.body(k, s, 0.9)), argnums=(0, 1)))(*ends)
     assert np.all(np.isfinite(slopes))
 
@@ -97,17 +86,10 @@ def test_slopes_are_finite_at_the_ends(table):
 @pytest.mark.slow
 def test_reflectance_factor():
     table = film_response(Instrument(Bidirectional(45, 0), 1.4))
-    kd, sd, ground = random_films(100)
-    depth = kd + sd
-    expected = stack_reflectance_factor(
-        (sd / depth)[:, None],
-        depth[:, None],
-        ground,
-        refractive_index=1.4,
-        cos_incidence=np.cos(np.pi / 4),
-        tolerance=1e-7,
-    )
-    assert_allclose(table.body(kd, sd, ground), expected, atol=5e-6)
+    films = random_films(100)
+    seen_by = {"refractive_index": 1.4, "cos_incidence": np.cos(np.pi / 4)}
+    expected = solved(*films, stack_reflectance_factor, **seen_by)
+    assert_allclose(table.body(*films), expected, atol=5e-6)
 
 
 def test_many_angles_are_refused():
