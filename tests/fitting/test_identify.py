@@ -1,4 +1,6 @@
 import sys
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from glazefit import (
 )
 from glazefit.film.model.errors import smooth_kernel
 from glazefit.identify.search import screen
-from glazejax import Bidirectional, Glaze, Pigment, catalogue, reflectance
+from glazejax import Glaze, Pigment, catalogue, reflectance
 
 from ..refusals import refusal
 from .palette import optical_depths
@@ -39,8 +41,8 @@ UNIT = 25e-6
 @pytest.fixture(scope="module")
 def paints():
     """Paints of the catalogue's shapes, as well known as a joint fit knows them."""
-    known = catalogue.load()
-    return [Pigment(n, GRID, known[n].absorption, known[n].scattering) for n in NAMES]
+    known = map(catalogue.pigment, NAMES)
+    return [Pigment(one.name, GRID, one.absorption, one.scattering) for one in known]
 
 
 def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
@@ -68,11 +70,9 @@ def blind(paints):
     """
     rng = np.random.default_rng(5)
     recipes = []
-    for number in range(BLIND):
-        chosen = rng.choice(len(paints), number % 2 + 1, replace=False)
-        recipes.append(
-            dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True))
-        )
+    for count in (1, 2) * (BLIND // 2):
+        chosen = rng.choice(len(paints), count, replace=False).tolist()
+        recipes.append(dict(zip(chosen, rng.dirichlet(np.full(count, 2.0)), strict=True)))
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(BLIND))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=1.0)
     flat = np.array([0.0, 0.04, 0.5, 0.97, 1.0])[:, None, None] * np.ones((2, GRID.size))
@@ -90,8 +90,8 @@ def found(blind):
 
 def test_paints_are_found_blind(blind):
     recipes, _, found = blind
-    best = [set(members[members >= 0].tolist()) for members in found.members[:BLIND, 0]]
-    right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
+    first = [set(members[members >= 0]) for members in found.members[:BLIND, 0]]
+    right = np.mean([best == set(recipe) for best, recipe in zip(first, recipes, strict=True)])
     assert right > 0.7
     # It is not surer than it is right; less sure, because these films lack the errors of k and s
     # that it counts with.
@@ -107,20 +107,17 @@ def test_fractions_and_thickness_are_found(blind):
     recipes, thickness, found = blind
     off, depth = [], []
     for row, recipe in enumerate(recipes):
-        first = found.ranked(row, 1)[0]
-        if {NAMES.index(p) for p in first.paints} == set(recipe):
-            off += [
-                abs(recipe[NAMES.index(p)] - f)
-                for p, f in zip(first.paints, first.fractions, strict=True)
-            ]
+        (first,) = found.ranked(row, 1)
+        paints = [NAMES.index(paint) for paint in first.paints]
+        if set(paints) == set(recipe):
+            off += [*np.abs([recipe[paint] for paint in paints] - first.fractions)]
             depth.append((first.thickness - thickness[row]) / first.thickness_sd)
     assert np.mean(off) < 0.05
     assert np.median(np.abs(depth)) < 1.5
 
 
 def test_probabilities_and_none_sum_to_one(found):
-    total = found.probability.sum(axis=1) + found.none
-    assert_allclose(total, 1.0, rtol=1e-9)
+    assert_allclose(found.probability.sum(axis=1) + found.none, 1.0, rtol=1e-9)
     assert np.all(np.diff(found.probability, axis=1) <= 1e-12)
 
 
@@ -150,19 +147,19 @@ def test_what_the_usual_search_saves_changes_little(paints, found):
 @pytest.mark.slow
 def test_an_answer_does_not_hang_on_what_was_asked_before(paints, found):
     """Grounds that hardly differ once shared the table of the first one that was asked about."""
-    some = found.measured.readings[:4]
     lighter = np.clip(GROUNDS + 0.03, 0.0, 1.0)
-    asked_before = identify(GRID, some, paints, ground=lighter)
+    ask = partial(identify, GRID, found.measured.readings[:4], paints, ground=lighter)
+    asked_before = ask()
     screen._TABLES.clear()
-    asked_first = identify(GRID, some, paints, ground=lighter)
+    asked_first = ask()
     assert_array_equal(asked_before.probability, asked_first.probability)
     assert_array_equal(asked_before.members, asked_first.members)
 
 
 def test_a_ranking_does_not_depend_on_its_company(paints):
     """Spectra over several grounds once were ranked in the components of the first one's table."""
-    over_black, over_white = films_of(paints, [{0: 0.8, 1: 0.2}], np.array([UNIT]))[0]
-    spectra, grounds = np.stack([over_black, over_white]), GROUNDS[:, None]
+    (spectra,) = films_of(paints, [{0: 0.8, 1: 0.2}], np.array([UNIT]))
+    grounds = GROUNDS[:, None]
     together = identify(GRID, spectra, paints, ground=grounds, max_paints=2)
     for row in range(2):
         alone = identify(GRID, spectra[row], paints, ground=grounds[row], max_paints=2)
@@ -178,7 +175,7 @@ def test_two_equal_paints_share_their_probability(paints):
     spectra = films_of(paints, [{2: 1.0}], np.array([UNIT]))
     found = identify(GRID, spectra, [*paints[:3], twin], ground=GROUNDS, max_paints=1)
     assert_allclose(found.probability[0, :2], 0.5, atol=0.01)
-    assert {found.ranked(0)[0].paints, found.ranked(0)[1].paints} == {("Vermillion",), ("Twin",)}
+    assert {one.paints for one in found.ranked(0, 2)} == {("Vermillion",), ("Twin",)}
 
 
 def test_what_no_paint_explains_is_said_so(found):
@@ -187,15 +184,8 @@ def test_what_no_paint_explains_is_said_so(found):
 
 
 def test_black_white_clear_and_opaque_give_numbers(found):
-    for values in (
-        found.probability,
-        found.none,
-        found.amounts,
-        found.rmse,
-        found.paint_probability,
-        found.gloss,
-    ):
-        assert np.isfinite(values).all()
+    for name in ("probability", "none", "amounts", "rmse", "paint_probability", "gloss"):
+        assert np.isfinite(getattr(found, name)).all()
     for row in (-3, -2):
         assert "CobaltBlue" in found.ranked(len(found) + row)[0].paints
 
@@ -205,46 +195,46 @@ def test_a_ground_darker_than_its_surface_is_refused():
         ground_from_air(np.array([0.01]))
 
 
-@pytest.mark.usefixtures("unchecked")  # nothing is identified
+@pytest.fixture
+def asked(monkeypatch, unchecked):
+    """Options that identifications were asked with; nothing is identified."""
+    asked = []
+
+    def answer(*arguments, **options):
+        asked.append(options)
+
+    monkeypatch.setattr(sys.modules[identify.__module__], "identify", answer)
+    return asked
+
+
 @pytest.mark.parametrize("text", ["d:8", "de:8", "45:0"])
-def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text):
+def test_cards_are_read_by_the_instrument_that_read_the_films(asked, text):
     """Told as an instrument, as a geometry, or in words."""
-    inside, asked = np.array([0.03, 0.9]), []
+    inside = np.array([0.03, 0.9])
     instrument = Instrument.parse(text)
     air = np.repeat(
         [reflectance(Glaze([], r), instrument.geometry) for r in inside], GRID.size, axis=1
     )
     films = Films(("a",), GRID, air[:1], air[1:], air[:1], air[1:])
-    monkeypatch.setattr(
-        sys.modules[identify.__module__],
-        "identify",
-        lambda *given, **options: asked.append(options),
-    )
-    identify_films(films, [], instrument=instrument)
-    identify_films(films, [], instrument=instrument.geometry)
-    identify_films(films, [], instrument=text)
+    for read_by in (instrument, instrument.geometry, text):
+        identify_films(films, [], instrument=read_by)
     assert len(asked) == 3
     for options in asked:
         assert_allclose(options["ground"][0].mean(axis=-1), inside, atol=2e-5)
 
 
-@pytest.mark.usefixtures("unchecked")  # nothing is identified
-def test_films_that_lack_readings_are_refused(monkeypatch):
+def test_films_that_lack_readings_are_refused(asked):
     """Over one card, or over one that was not measured; of a film that hides them one is enough."""
-    monkeypatch.setattr(
-        sys.modules[identify.__module__], "identify", lambda *given, **options: "searched"
-    )
     black, white, paint = (np.full((1, GRID.size), level) for level in (0.05, 0.85, 0.4))
-
-    def answer(**flags):
-        return identify_films(Films(("a",), GRID, black, white, paint, paint, **flags), [])
-
+    whole = Films(("a",), GRID, black, white, paint, paint)
     one = np.array([[False, True]])
     for flags in ({"seen": one}, {"assumed": one}):
         with refusal("film 'a' lacks a reading"):
-            answer(**flags)
-    assert answer(seen=one, assumed=np.ones((1, 2), bool), opaque=np.array([True])) == "searched"
-    assert answer() == "searched"
+            identify_films(replace(whole, **flags), [])
+    hiding = replace(whole, seen=one, assumed=np.ones((1, 2), bool), opaque=np.array([True]))
+    for films in (whole, hiding):
+        identify_films(films, [])
+    assert len(asked) == 2
 
 
 def test_bad_input_is_one_clear_error(paints):
@@ -265,14 +255,9 @@ def test_bad_input_is_one_clear_error(paints):
         ({"wavelengths": GRID + 300}, "does not cover the spectra"),
         ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
     ):
-        given: dict = {
-            "spectra": good,
-            "wavelengths": GRID,
-            "pigments": paints,
-            "ground": 0.9,
-        } | change
+        asked: dict = dict(spectra=good, wavelengths=GRID, pigments=paints, ground=0.9) | change
         with refusal(complaint):
-            identify(**given)
+            identify(**asked)
 
 
 @pytest.mark.slow
@@ -280,14 +265,10 @@ def test_what_is_shown_comes_near_the_reading():
     """Greys that white and black mix to: errors of 40 % of the paints would excuse another
     lightness.
     """
-    known = [
-        catalogue.pigment(name)
-        for name in ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")
-    ]
+    names = ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")
     greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones(GRID.size)
-    found = identify(
-        GRID, greys, known, opaque=True, instrument=Bidirectional(45.0, 0.0), max_paints=2
-    )
+    known = [*map(catalogue.pigment, names)]
+    found = identify(GRID, greys, known, opaque=True, instrument="45:0", max_paints=2)
     assert found.rmse[:, 0].max() < 0.03
     assert found.explained.all()
 

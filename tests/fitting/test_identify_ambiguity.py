@@ -35,16 +35,21 @@ def film(chance, condition=0, fitted=CURVE, /, **fractions):
     return {paint: 25e-6 * part for paint, part in fractions.items()}, chance, condition, fitted
 
 
-def answer(*candidates, covariance=0.04) -> Identification:
-    """An identification of one spectrum."""
+def answer(*candidates, covariance=0.04, grid=GRID) -> Identification:
+    """An identification of one spectrum, the curve at these bands."""
+    curve = np.interp(grid, GRID, CURVE)
     return made_up(
-        check_spectra(GRID, CURVE, 0.5, ["spot"], Noise()),
+        check_spectra(grid, curve, 0.5, ["spot"], Noise()),
         PAINTS,
         [(amounts, chance) for amounts, chance, *_ in candidates],
         np.stack([fitted for *_, fitted in candidates])[None, :, None],
         log_covariance=np.broadcast_to(covariance * np.eye(3), (1, len(candidates), 3, 3)),
         condition=np.array([[condition for *_, condition, _ in candidates]]),
     )
+
+
+def unexplained(found: Identification) -> Identification:
+    return replace(found, none=np.array([0.9]))
 
 
 def off_at(bands: slice, size: float) -> np.ndarray:
@@ -114,9 +119,8 @@ def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
     assert words in said
     assert f"{CONDITIONS[condition].words} it is LeadWhite (15%)" in said
     # Of the same pigment nothing rests on it; nor where the other is improbable.
-    same = film(0.15, condition, far, CobaltBlue=1.0)
-    improbable = film(0.05, condition, far, LeadWhite=1.0)
-    for other in (same, improbable):
+    for chance, paint in ((0.15, "CobaltBlue"), (0.05, "LeadWhite")):
+        other = film(chance, condition, far, **{paint: 1.0})
         assert evidence_relied_on(answer(FIRST, other), 0) == []
 
 
@@ -152,16 +156,14 @@ def test_two_names_of_one_pigment_are_no_doubt():
 
 
 def test_what_nothing_explains_has_no_such_doubts():
-    found = answer(FIRST, THINNED)
-    nothing = replace(found, none=np.array([0.9]))
-    assert not any("may also hold" in words for words in describe_ambiguity(nothing, 0))
+    found = unexplained(answer(FIRST, THINNED))
+    assert not any("may also hold" in words for words in describe_ambiguity(found, 0))
 
 
 def test_what_the_headline_settled_is_not_called_open():
     """Two paints of one pigment share it, and what is missing to one is that nothing explains the
     film.
     """
-    eosin = "Eosin", "Eosin1Wax"
     found = answer(
         film(0.5, Vermillion=1.0),
         film(0.2, Vermillion=0.9, Eosin=0.1),
@@ -170,12 +172,11 @@ def test_what_the_headline_settled_is_not_called_open():
     assert describe_undecided(found, 0) == (
         "Not settled by this spectrum: LeadWhite (22%), Eosin (22%)."
     )
-    two = replace(found, paints=(*PAINTS[:4], *eosin))
+    two = replace(found, paints=(*PAINTS[:-1], "Eosin1Wax"))
     # Vermillion's place is now Eosin1Wax's: a film of that, or of both, is of eosin.
     assert describe_undecided(two, 0) == "Not settled by this spectrum: LeadWhite (22%)."
     # What nothing explains has no headline, and all of it is open.
-    nothing = replace(found, none=np.array([0.9]))
-    assert "Vermillion (90%)" in describe_undecided(nothing, 0)
+    assert "Vermillion (90%)" in describe_undecided(unexplained(found), 0)
 
 
 def test_shares_that_no_reading_tells_are_not_said():
@@ -183,8 +184,7 @@ def test_shares_that_no_reading_tells_are_not_said():
     weak = film(0.1, LeadWhite=0.992, CobaltBlue=0.008)
     most = film(0.1, LeadWhite=0.002, CobaltBlue=0.0001, Eosin=0.9979)
     found = answer(trace, weak, most, covariance=4.0)
-    words = [candidate.words for candidate in found.ranked(0)]
-    assert words == [
+    assert [candidate.words for candidate in found.ranked(0)] == [
         "LeadWhite + a trace of CobaltBlue",
         "99.2 % LeadWhite + 0.8 % CobaltBlue",
         "99.8 % Eosin + 0.2 % LeadWhite + a trace of CobaltBlue",
@@ -253,13 +253,9 @@ def test_what_is_not_explained_names_the_film_that_is_nearest():
 
 
 def test_what_is_not_explained_and_has_no_colour_says_how_far_it_is_off():
-    grid, curve = GRID[::5], CURVE[::5]
-    found = made_up(
-        check_spectra(grid, curve, 0.5, ["spot"], Noise()),
-        PAINTS,
-        [({"CobaltBlue": 25e-6}, 0.05), ({"LeadWhite": 25e-6}, 0.03)],
-        np.stack([curve + 0.2, curve + 0.03])[None, :, None],
-    )
+    curve = CURVE[::5]
+    blue = film(0.05, 0, curve + 0.2, CobaltBlue=1.0)
+    found = answer(blue, film(0.03, 0, curve + 0.03, LeadWhite=1.0), grid=GRID[::5])
     assert np.isnan(found.delta_e).all()
     assert "LeadWhite, has an error of 0.030 in reflectance (RMSE)" in found.words(0)
 

@@ -37,16 +37,8 @@ SPHERE = Hemispherical(8.0)
 INSTRUMENT = Instrument(SPHERE, 1.5)
 GROUNDS = np.array([0.05, 0.9])[:, None] * np.ones(GRID.size)
 # The surface's share known, so that films can be computed by the forward package alone.
-NEAT = ModelError(
-    freedom=1e9,
-    gloss_sd=0.0,
-    coefficient=0.0,
-    most=0.0,
-    level=0.0,
-    amplitude=0.0,
-    share=0.0,
-    haze=0.0,
-)
+NO_ERRORS = ("gloss_sd", "coefficient", "most", "level", "amplitude", "share", "haze")
+NEAT = ModelError(freedom=1e9, **dict.fromkeys(NO_ERRORS, 0.0))
 TINT, THICKNESS = {"White": 0.9, "Red": 0.1}, 30e-6
 """Shares of its paints, and how thick it is where nothing else is said, m."""
 ROWS = [NAMES.index(name) for name in TINT]
@@ -98,8 +90,8 @@ def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(errors: dict[str, flo
     stated = np.tile(STATED[ROWS].swapaxes(0, 1).reshape(4, -1), 2).T
     alike = np.tile(smooth_kernel(GRID, NEAT.coefficient_length), (2, 2))
     covariance = np.diag(found.measured.noise_sd.ravel() ** 2)
-    covariance += errors.get("level", 0.0) ** 2 * slopes @ slopes.T
-    covariance += errors.get("coefficient", 0.0) ** 2 * slopes @ slopes.T * alike
+    level, coefficient = (errors.get(name, 0.0) for name in ("level", "coefficient"))
+    covariance += slopes @ slopes.T * (level**2 + coefficient**2 * alike)
     if "most" in errors:
         covariance += (stated * slopes) @ (stated * slopes).T * alike
     lever = slopes[:, :2] + slopes[:, 2:]

@@ -18,8 +18,7 @@ NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow"
 
 def _paints(bands):
     grid = np.linspace(400.0, 700.0, bands)
-    known = catalogue.load()
-    return grid, [known[name].resample(grid) for name in NAMES]
+    return grid, [catalogue.pigment(name).resample(grid) for name in NAMES]
 
 
 def test_a_wide_range_is_averaged_to_some_hundred_bands():
@@ -43,9 +42,8 @@ def find(bands, **options):
     """Films of two paints that were read at so many bands, with as much noise in all."""
     grid, paints = _paints(bands)
     share = np.array([[0.3, 0, 0.7, 0, 0, 0], [0.6, 0.4, 0, 0, 0, 0], [0, 0, 0, 0.8, 0.2, 0]])
-    body = np.asarray(
-        film_response(Hemispherical()).body(*optical_depths(paints, 25e-6 * share), 0.9)
-    )
+    depths = optical_depths(paints, 25e-6 * share)
+    body = np.asarray(film_response(Hemispherical()).body(*depths, 0.9))
     noise = np.random.default_rng(2).standard_normal(body.shape)
     spectra = body + 0.04 + 0.0005 * np.sqrt((bands - 1) / 30) * noise
     return identify(grid, spectra, paints, ground=0.9, max_paints=2, **options)

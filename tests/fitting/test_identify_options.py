@@ -52,8 +52,7 @@ def test_options_and_their_keywords_are_the_same():
 @pytest.fixture(scope="module")
 def paints() -> list[Pigment]:
     """A white and a red of the catalogue."""
-    known = catalogue.load()
-    return [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
+    return [catalogue.pigment(name).resample(GRID) for name in ("ZincWhite", "Vermillion")]
 
 
 def red_film(paints, seen_by):

@@ -16,7 +16,6 @@ from glazefit.identify.search.searcher import find_extenders
 from glazefit.identify.search.table import paints_of
 from glazefit.identify.search.weigh import log_odds_of_none
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
-from glazejax.paint.pigment_table import read_pigments
 
 from .palette import optical_depths
 from .test_identify import BETWEEN_FILMS, GRID, GROUNDS, UNIT
@@ -66,20 +65,13 @@ def found(shelf):
     coat = film_response(Hemispherical())
     yellowed = under_varnish(coat, tint - 0.04, 0.45 * yellow(GRID)) + 0.04
     green = read_film({"EmeraldGreen": 0.5, "ZincWhite": 0.5}, 2.0)
-    comb = np.arange(GRID.size) % 2.0
-    odd = [comb, np.where(GRID == 550.0, 1.0, 0.0), np.where(GRID < 550.0, 0.0, 1.0)]
-    spectra = np.stack(
-        [
-            read_film({"Vermillion": 1.0}),
-            tint,
-            yellowed,
-            green,
-            *(np.stack([reading, reading]) for reading in odd),
-        ]
+    odd = np.stack([np.arange(GRID.size) % 2.0, GRID == 550.0, GRID >= 550.0])[:, None] * np.ones(
+        (2, 1)
     )
+    films = read_film({"Vermillion": 1.0}), tint, yellowed, green
     return identify(
         GRID,
-        spectra,
+        np.stack([*films, *odd]),
         shelf,
         ground=GROUNDS,
         names=["pure", "tint", "yellowed", "stranger", "comb", "spike", "step"],
@@ -134,13 +126,13 @@ def test_batches_with_more_and_fewer_conditions_become_one(found, shelf):
     alone = [
         identify(GRID, one[None], shelf, ground=GROUNDS, max_paints=2, keep=300) for one in spectra
     ]
-    few, many = (part.probability.shape[1] for part in alone)
+    few, many = (each.probability.shape[1] for each in alone)
     assert few < many
     both = Identification.join(alone)
     assert both.probability.shape == (2, many)
-    for row, part in enumerate(alone):
-        assert both.words(row).partition(":")[2] == part.words(0).partition(":")[2]
-        assert [c.paints for c in both.ranked(row)] == [c.paints for c in part.ranked(0)]
+    for row, each in enumerate(alone):
+        assert both.words(row).partition(":")[2] == each.words(0).partition(":")[2]
+        assert [c.paints for c in both.ranked(row)] == [c.paints for c in each.ranked(0)]
         assert all(candidate.paints for candidate in both.ranked(row))
 
 
@@ -175,38 +167,36 @@ def test_noise_is_taken_from_the_spectrum_where_nobody_told_it():
 def test_extenders_are_those_that_hardly_show():
     known = list(catalogue.load().values())
     extenders = find_extenders(paints_of(known, UNIT))
-    hardly = [paint.name for paint, yes in zip(known, extenders, strict=True) if yes]
-    assert hardly == ["BariumSulphate", "CalciumCarbonate"]
+    assert [known[n].name for n in np.flatnonzero(extenders)] == [
+        "BariumSulphate",
+        "CalciumCarbonate",
+    ]
 
 
 def flat_paint(modes, sd=None, name="Blue", provenance=""):
     """The same at all wavelengths: error modes, and relative standard deviations of k and s."""
-    ones = np.ones(GRID.size)
-    stated = {}
-    if sd is not None:
-        stated = {"absorption_sd": sd[0] * 1e4 * ones, "scattering_sd": sd[1] * 2e4 * ones}
-    modes = np.asarray(modes)[..., None] * ones
-    given = {"error_modes": modes, "provenance": provenance, **stated}
-    return Pigment(name, GRID, 1e4 * ones, 2e4 * ones, **given)
+    k, s = np.array([[1e4], [2e4]]) * np.ones(GRID.size)
+    stated: dict = {} if sd is None else {"absorption_sd": sd[0] * k, "scattering_sd": sd[1] * s}
+    modes = np.asarray(modes)[..., None] * np.ones(GRID.size)
+    return Pigment(name, GRID, k, s, error_modes=modes, provenance=provenance, **stated)
 
 
 def test_paints_of_one_source_are_wrong_together():
     """Errors of paints fitted together are correlated; of another source they are independent."""
-    one, two, other = (
+    paints = [
         flat_paint([[0.1, 0.2], [0.0, 0.1]], name=name, provenance=source)
         for name, source in (("a", "lab"), ("b", "lab"), ("c", "elsewhere"))
-    )
-    all_modes = error_modes([one, two, other], BETWEEN_FILMS)
+    ]
+    all_modes = error_modes(paints, BETWEEN_FILMS)
 
     def together(a, b):
         """Variance of a reading that two paints' log k move alike."""
-        slopes = 0.5 * np.ones((2, GRID.size))
-        stacked = np.stack([all_modes[a, 0], all_modes[b, 0]])
-        return float(modes_covariance(slopes, stacked)[0, 0])
+        slopes = np.full((2, GRID.size), 0.5)
+        return float(modes_covariance(slopes, all_modes[[a, b], 0])[0, 0])
 
     assert together(0, 1) == pytest.approx((0.5 * 0.2) ** 2)
     assert together(0, 2) == pytest.approx(2 * (0.5 * 0.1) ** 2)
-    assert np.all(relative_errors([one], BETWEEN_FILMS) == 0)
+    assert np.all(relative_errors(paints[:1], BETWEEN_FILMS) == 0)
 
 
 @pytest.mark.slow
@@ -232,14 +222,8 @@ def test_what_the_modes_leave_out_is_in_the_standard_deviations():
     assert np.all(relative_errors([sure], BETWEEN_FILMS) == 0)
 
 
-def test_error_modes_are_capped_and_read_back(tmp_path):
-    lines = ["pigment,wavelength_nm,absorption,scattering,k_mode_1,s_mode_1,k_mode_2,s_mode_2"]
-    lines += [f"Blue,{nm},1e4,2e4,.1,-.2,3,0" for nm in (400, 500, 600)]
-    path = tmp_path / "paints.csv"
-    path.write_text("\n".join(lines) + "\n")
-    blue = read_pigments(path)["Blue"]
-    assert blue.error_modes is not None
-    assert_allclose(blue.error_modes[:, :, 0], [[0.1, -0.2], [3.0, 0.0]])
+def test_error_modes_are_capped_and_resampled():
+    blue = flat_paint([[0.1, -0.2], [3.0, 0.0]])
     capped = error_modes([blue], BETWEEN_FILMS)[0]
     assert np.sqrt((capped**2).sum(axis=-1)).max() == pytest.approx(BETWEEN_FILMS.most)
     between = blue.resample(np.array([450.0, 550.0])).error_modes
@@ -257,10 +241,11 @@ def test_modes_of_the_catalogue_are_part_of_its_standard_deviations():
     for paint in catalogue.load().values():
         assert paint.error_modes is not None
         modes = np.asarray(paint.error_modes)
-        for row, (value, sd) in enumerate(
-            ((paint.absorption, paint.absorption_sd), (paint.scattering, paint.scattering_sd))
+        held += [*np.sum(modes**2, axis=0)]
+        for value, sd in (
+            (paint.absorption, paint.absorption_sd),
+            (paint.scattering, paint.scattering_sd),
         ):
-            held.append(np.sum(modes[:, row] ** 2, axis=0))
             stated.append(np.minimum(np.asarray(sd) / np.asarray(value), 0.5) ** 2)
     assert np.all(np.array(held) < 1.01 * np.array(stated))
     assert 0.8 < np.sum(held) / np.sum(stated) < 0.99

@@ -28,11 +28,12 @@ def pool(misfit, log_weight: Any = 0.0, sets=None):
     sets = sets or [[paint] for paint in range(count)]
     members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
     readings = 0.5 + 0.01 * np.array(misfit)[None, :, None, None] * np.ones(GRID.size)
+    nothing = np.zeros(members.shape)
     return Pool(
         members,
-        np.zeros((1, count, 3), int),
-        np.zeros((1, count, 3)),
-        np.zeros((1, count, 3)),
+        nothing.astype(int),
+        nothing,
+        nothing,
         np.zeros((1, count, 3, 3)),
         np.full((1, count), log_weight),
         readings,
@@ -51,10 +52,7 @@ def none_to_one(misfit, unknown=0.4, noise=0.0):
 def test_none_by_bayes_rule():
     """Odds beforehand times what the misfit says; that does not depend on what was expected."""
     for misfit in (1.0, 2.0, 3.5):
-        said = [
-            none_to_one(misfit, unknown) / (unknown / (1.0 - unknown))
-            for unknown in (0.1, 0.4, 0.8)
-        ]
+        said = [none_to_one(misfit, unknown) * (1.0 / unknown - 1.0) for unknown in (0.1, 0.4, 0.8)]
         assert_allclose(said, said[0], rtol=1e-12)
 
 
@@ -104,8 +102,6 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     )
     assert found.members.shape == (1, 2, 3)
     odds, none, *_ = judged
-    share = odds[0] / (odds.sum() + none[0])
-    assert_allclose(
-        found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]]
-    )
-    assert found.none[0] == pytest.approx(1.0 - share.sum())
+    one, two, three = odds[0] / (odds.sum() + none[0])
+    assert_allclose(found.paint_probability[0], [one, one + two, two + three])
+    assert found.none[0] == pytest.approx(1.0 - one - two - three)
