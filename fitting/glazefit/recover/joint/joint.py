@@ -84,7 +84,7 @@ def recover_jointly(
     instrument = resolve_instrument(instrument)
     law = law or MixingLaw()
     used = np.ones((len(films), 1)) if use is None else np.reshape(use, (len(films), -1))
-    read = used.any(axis=1)
+    read = np.any(used != 0, axis=1)
     noise = noise or estimate_noise(films.take(np.flatnonzero(read).tolist()))
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
