@@ -2,6 +2,7 @@
 
 import io
 import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def refused(path, complaint, read=read_spectra, error: type[Exception] = ValueEr
     with refusal(complaint, error) as caught:
         read(path, **how)
     message = str(caught.value)
-    assert path.stem in message
+    assert Path(path).stem in message
     return message
 
 

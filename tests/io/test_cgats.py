@@ -23,7 +23,6 @@ FILE = "chart.txt"
         PLAIN.replace("\t", "  ").replace("\n", "\r\n"),
         PLAIN.replace("0.", "0,"),
         PLAIN.replace("CGATS.17", "IT8.7/4"),
-        PLAIN.replace("\t0.60", "\n0.60").replace("\n0.60", "\t0.60"),
     ],
 )
 def test_ways_to_name_bands(read, text):

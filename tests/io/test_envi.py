@@ -2,6 +2,7 @@
 
 import re
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,18 @@ from numpy.testing import assert_allclose
 
 from glazejax.io import open_cube, read_spectra
 
-from ..refusals import refusal
 from .cubes.images import holes
 from .samples import ENVI as HEADER
 from .samples import GRID, envi_header, envi_list, refused, same, spectra
 
+pytestmark = pytest.mark.usefixtures("here")
 NAMES = ["red", "green", "blue"]
 
 
-def put(folder, values=None, **changes):
+def put(values=None, **changes):
     """Write a library by hand; fields that are None are left out."""
     header = HEADER | {title.replace("_", " "): text for title, text in changes.items()}
-    path = folder / "lib.hdr"
+    path = Path("lib.hdr")
     path.write_text(envi_header(header), encoding="utf-8")
     values = spectra() if values is None else values
     path.with_suffix(".sli").write_bytes(np.asarray(values, "<f4").tobytes())
@@ -30,11 +31,11 @@ def put(folder, values=None, **changes):
 
 
 @pytest.fixture
-def read(tmp_path):
+def read():
     """Spectra of such a library."""
 
     def read_library(values=None, **changes):
-        return read_spectra(put(tmp_path, values, **changes))
+        return read_spectra(put(values, **changes))
 
     return read_library
 
@@ -46,14 +47,14 @@ def spoilt(where, value, rows=3):
     return values
 
 
-def test_library_written_by_spectral_python(tmp_path):
+def test_library_written_by_spectral_python():
     library: Any = spy.SpectralLibrary(
         spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]}
     )
     library.bands.band_unit = "Nanometers"
-    library.save(str(tmp_path / "lib"))
+    library.save("lib")
     for name in ("lib.hdr", "lib.sli"):
-        same(read_spectra(tmp_path / name), GRID, spectra(), "abc", atol=1e-7)
+        same(read_spectra(name), GRID, spectra(), "abc", atol=1e-7)
 
 
 def test_two_wavelengths_that_changed_places_are_no_overlap(read):
@@ -66,8 +67,8 @@ def test_two_wavelengths_that_changed_places_are_no_overlap(read):
     ]
 
 
-def test_long_headers_are_read_in_one_pass(tmp_path):
-    path = put(tmp_path)
+def test_long_headers_are_read_in_one_pass():
+    path = put()
     path.write_text(path.read_text() + "note = 1\n" * 60_000)
     began = time.process_time()
     read_spectra(path)
@@ -89,8 +90,8 @@ def test_spectra_may_lack_names(read):
         same(read(spectra_names=names), GRID, spectra(), right, atol=1e-7)
 
 
-def test_old_headers_are_latin(tmp_path):
-    path = put(tmp_path)
+def test_old_headers_are_latin():
+    path = put()
     path.write_bytes(path.read_text().replace("green", "grün").encode("latin-1"))
     assert read_spectra(path).names == ("red", "grün", "blue")
 
@@ -178,41 +179,39 @@ def test_percent_is_said(read):
         ({"values": np.zeros((3, 31)), "data_ignore_value": 0}, "no spectrum has any data"),
     ],
 )
-def test_errors_are_one_line(tmp_path, changes, complaint):
-    refused(put(tmp_path, **changes), complaint)
+def test_errors_are_one_line(changes, complaint):
+    refused(put(**changes), complaint)
 
 
-def test_header_cut_short(tmp_path):
-    path = put(tmp_path)
+def test_header_cut_short():
+    path = put()
     path.write_text(path.read_text()[:-9])
     refused(path, "not a legal ENVI header")
 
 
-def test_header_without_data(tmp_path):
-    path = put(tmp_path)
-    (tmp_path / "lib.sli").unlink()
-    with refusal("no data next to this ENVI header", FileNotFoundError):
-        read_spectra(path)
+def test_header_without_data():
+    path = put()
+    Path("lib.sli").unlink()
+    refused(path, "no data next to this ENVI header", error=FileNotFoundError)
 
 
-def test_data_without_header(tmp_path):
-    put(tmp_path).unlink()
-    with refusal(r"lib\.sli: not"):
-        read_spectra(tmp_path / "lib.sli")
+def test_data_without_header():
+    put().unlink()
+    refused("lib.sli", r"lib\.sli: not")
 
 
-def overwrite(folder, dtype, place, value):
+def overwrite(dtype, place, value):
     """Change what stands in the file of such an image, its lines by bands and samples."""
-    raw = np.memmap(folder / "image.img", dtype, "r+", shape=(4, 31, 5))
+    raw = np.memmap("image.img", dtype, "r+", shape=(4, 31, 5))
     raw[place] = value
     raw.flush()
 
 
-def cube(folder, interleave="bil", dtype="u2", scale=10_000, **fields):
+def cube(interleave="bil", dtype="u2", scale=10_000, **fields):
     """Image of 4 lines x 5 samples, written by Spectral Python; what it holds as fractions."""
     image = spectra(20).reshape(4, 5, -1)
     spy.save_image(
-        str(folder / "image.hdr"),
+        "image.hdr",
         (image * scale).astype(dtype),
         interleave=interleave,
         metadata={"wavelength": GRID.tolist(), "wavelength units": "nm"}
@@ -222,106 +221,100 @@ def cube(folder, interleave="bil", dtype="u2", scale=10_000, **fields):
     return image
 
 
-def test_image_as_a_table(tmp_path):
-    image = cube(tmp_path, dtype="f4", scale=100)
-    table = read_spectra(tmp_path / "image.img")
+def test_image_as_a_table():
+    image = cube(dtype="f4", scale=100)
+    table = read_spectra("image.img")
     assert table.format == "ENVI image"
     assert table.unit == "percent"
     assert table.names[:6] == (*(f"line 1 sample {i}" for i in range(1, 6)), "line 2 sample 1")
     assert_allclose(table.reflectance, image.reshape(20, -1), atol=1e-6)
 
 
-def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
-    image = cube(tmp_path, reflectance_scale_factor=10000, data_ignore_value=0, bbl=[0] + [1] * 30)
-    overwrite(tmp_path, "<u2", np.s_[2, :, 3], 0)
-    opened = open_cube(tmp_path / "image.hdr")
+def test_missing_pixels_and_bad_bands_of_an_image():
+    image = cube(reflectance_scale_factor=10000, data_ignore_value=0, bbl=[0] + [1] * 30)
+    overwrite("<u2", np.s_[2, :, 3], 0)
+    opened = open_cube("image.hdr")
     assert opened["wavelength"][0] == 410
     assert np.isnan(opened[2, 3]).all()
-    table = read_spectra(tmp_path / "image.hdr")
+    table = read_spectra("image.hdr")
     assert len(table) == 19
     assert "line 3 sample 4" not in table.names
     assert_allclose(table["line 1 sample 1"], image[0, 0, 1:], atol=1e-4)
 
 
 @pytest.mark.parametrize(("dtype", "mark"), [("u2", -999), ("f4", -1.23e34), ("i2", -999)])
-def test_mark_of_missing_data_in_the_files_own_type(tmp_path, dtype, mark):
-    image = cube(tmp_path, dtype=dtype, reflectance_scale_factor=10000, data_ignore_value=mark)
+def test_mark_of_missing_data_in_the_files_own_type(dtype, mark):
+    image = cube(dtype=dtype, reflectance_scale_factor=10000, data_ignore_value=mark)
     if dtype != "u2":
-        overwrite(tmp_path, f"<{dtype}", np.s_[0, :, 0], mark)
-    opened = open_cube(tmp_path / "image.hdr")
+        overwrite(f"<{dtype}", np.s_[0, :, 0], mark)
+    opened = open_cube("image.hdr")
     assert np.isnan(opened[0, 0]).all() == (dtype != "u2")
     assert_allclose(opened[0, 1], image[0, 1], atol=1e-4)
 
 
-def test_header_with_both_endings(tmp_path):
-    put(tmp_path).rename(tmp_path / "lib.sli.hdr")
-    assert (
-        len(read_spectra(tmp_path / "lib.sli.hdr")) == len(read_spectra(tmp_path / "lib.sli")) == 3
-    )
+def test_header_with_both_endings():
+    put().rename("lib.sli.hdr")
+    assert len(read_spectra("lib.sli.hdr")) == len(read_spectra("lib.sli")) == 3
 
 
-def test_glare_does_not_decide_an_images_unit(tmp_path):
+def test_glare_does_not_decide_an_images_unit():
     image = np.tile(spectra(1), (200, 10, 1)).astype("f4")
     image[7, 3] *= 4
-    spy.save_image(str(tmp_path / "image.hdr"), image, metadata={"wavelength": GRID.tolist()})
-    table = read_spectra(tmp_path / "image.hdr")
+    spy.save_image("image.hdr", image, metadata={"wavelength": GRID.tolist()})
+    table = read_spectra("image.hdr")
     assert table.unit == "fraction"
     assert table["line 8 sample 4"].max() > 3
 
 
-def test_large_images_stay_on_disk(tmp_path):
-    path = holes(tmp_path, "bsq", 1000, 1000, [500, 600])
+def test_large_images_stay_on_disk():
+    path = holes("bsq", 1000, 1000, [500, 600])
     assert open_cube(path).shape == (1000, 1000, 2)
-    with refusal("1000 x 1000 pixels are too many"):
-        read_spectra(path)
+    refused(path, "1000 x 1000 pixels are too many")
 
 
-def test_images_without_a_scale(tmp_path):
-    cube(tmp_path)
-    with refusal("neither fraction nor percent: add 'reflectance scale factor"):
-        read_spectra(tmp_path / "image.hdr")
+def test_images_without_a_scale():
+    cube()
+    refused("image.hdr", "neither fraction nor percent: add 'reflectance scale factor")
 
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "i2"])
-def test_whole_numbers_are_counts_until_a_scale_is_said(tmp_path, dtype):
-    image = cube(tmp_path, dtype=dtype, scale=100)
+def test_whole_numbers_are_counts_until_a_scale_is_said(dtype):
+    image = cube(dtype=dtype, scale=100)
     for read in (read_spectra, open_cube):
-        with refusal(r"whole numbers up to \d+ are a camera's counts"):
-            read(tmp_path / "image.hdr")
-    assert_allclose(open_cube(tmp_path / "image.hdr", scale=100), image, atol=0.01)
+        refused("image.hdr", r"whole numbers up to \d+ are a camera's counts", read)
+    assert_allclose(open_cube("image.hdr", scale=100), image, atol=0.01)
 
 
 @pytest.mark.parametrize("words", ["data", "data reflectance"])
 @pytest.mark.parametrize("interleave", ["bil", "bsq"])
-def test_gains_and_offsets_of_a_header_are_applied(tmp_path, words, interleave):
+def test_gains_and_offsets_of_a_header_are_applied(words, interleave):
     gains = np.linspace(0.5e-4, 1e-4, GRID.size)
     offsets = np.linspace(0.1, 0, GRID.size)
     fields = {f"{words} gain values": gains.tolist(), f"{words} offset values": offsets.tolist()}
-    image = cube(tmp_path, interleave, bbl=[1, 0] + [1] * 29, **fields)
+    image = cube(interleave, bbl=[1, 0] + [1] * 29, **fields)
     right = (np.trunc(image * 10_000) * gains + offsets)[..., np.arange(31) != 1]
-    opened = open_cube(tmp_path / "image.hdr")
+    opened = open_cube("image.hdr")
     assert_allclose(opened, right, atol=1e-6)
     assert opened.attrs["saturated"] == np.inf
     assert "gain and offset" in str(opened.attrs["notes"])
-    table = read_spectra(tmp_path / "image.hdr")
+    table = read_spectra("image.hdr")
     assert_allclose(table.reflectance, right.reshape(20, -1), atol=1e-12)
     assert table.notes[: len(opened.attrs["notes"])] == opened.attrs["notes"]
 
 
-def test_offsets_without_gains_are_applied(tmp_path):
-    image = cube(tmp_path, data_offset_values=[-1000.0] * 31, reflectance_scale_factor=10_000)
-    assert_allclose(open_cube(tmp_path / "image.hdr"), image - 0.1, atol=1e-4)
+def test_offsets_without_gains_are_applied():
+    image = cube(data_offset_values=[-1000.0] * 31, reflectance_scale_factor=10_000)
+    assert_allclose(open_cube("image.hdr"), image - 0.1, atol=1e-4)
 
 
-def test_gains_of_another_length_are_refused(tmp_path):
-    cube(tmp_path, data_gain_values=[1, 2, 3])
-    with refusal("'data gain values' has 3 entries for 31 bands"):
-        open_cube(tmp_path / "image.hdr")
+def test_gains_of_another_length_are_refused():
+    cube(data_gain_values=[1, 2, 3])
+    refused("image.hdr", "'data gain values' has 3 entries for 31 bands", open_cube)
 
 
-def test_a_header_without_byte_order_is_read_and_said(tmp_path):
-    image = cube(tmp_path, dtype="f4", scale=1)
-    header = tmp_path / "image.hdr"
+def test_a_header_without_byte_order_is_read_and_said():
+    image = cube(dtype="f4", scale=1)
+    header = Path("image.hdr")
     header.write_text(re.sub("byte order.*\n", "", header.read_text()))
     opened = open_cube(header)
     assert_allclose(opened, image, atol=1e-6)
@@ -338,18 +331,17 @@ def test_deleted_channels_of_a_library_are_missing(read):
     assert "4 bands without data" in str(table.notes)
 
 
-def test_deleted_pixels_of_an_image_are_missing(tmp_path):
-    cube(tmp_path, dtype="f4", scale=1)
-    overwrite(tmp_path, "<f4", np.s_[2, :, 3], -3.4e38)
-    opened = open_cube(tmp_path / "image.hdr")
+def test_deleted_pixels_of_an_image_are_missing():
+    cube(dtype="f4", scale=1)
+    overwrite("<f4", np.s_[2, :, 3], -3.4e38)
+    opened = open_cube("image.hdr")
     assert np.isnan(opened[2, 3]).all()
     assert np.isfinite(opened[:2]).all()
     assert "-3.4e+38" in str(opened.attrs["notes"])
 
 
-def test_libraries_are_no_images(tmp_path):
-    with refusal("use read_spectra"):
-        open_cube(put(tmp_path))
+def test_libraries_are_no_images():
+    refused(put(), "use read_spectra", open_cube)
 
 
 def test_pigment_charts(shared_data):

@@ -192,8 +192,15 @@ def test_svc_is_percent_however_dark(read):
     assert_allclose(table.reflectance[0], RED / 1e4, atol=1e-5)
 
 
-def test_svc_detectors_that_overlap_change_in_the_middle(read):
-    table = read(svc([*GRID[:21], *(GRID[17:] + 3)], [*RED[:21], *BLUE[17:]]))
+OVERLAP = [*GRID[:21], *(GRID[17:] + 3)]
+JUMP = [*RED[:21], *BLUE[17:]]
+
+
+@pytest.mark.parametrize(
+    "text", [svc(OVERLAP, JUMP), "wavelength,red panel\n" + rows(JUMP, grid=OVERLAP)]
+)
+def test_detectors_that_overlap_change_in_the_middle(read, text):
+    table = read(text)
     # The overlap is 573 to 600 nm.
     assert "detectors overlap: the change is at 586.5 nm" in table.notes
     right = np.array([*RED[:19], *BLUE[19:]]) / 100

@@ -21,6 +21,9 @@ def are_dark(table):
 
 
 EXPORT = "only reflectance can be read: export it"
+ONLY = "and only reflectance can be read"
+NOWHERE = "is no wavelength; write wavelengths in nm$"
+APART = "have none in common"
 
 
 FILE = "film.txt"
@@ -117,7 +120,12 @@ def test_percent_in_a_title_is_before_the_size_of_the_numbers(read, title):
 
 @pytest.mark.parametrize(
     "name",
-    ["raw umber", "lamp black", "Reflex Blue", "dark", "white", "10% Scarlet", "red 50%", "T"],
+    [
+        *("raw umber", "lamp black", "Reflex Blue", "dark", "white", "10% Scarlet", "red 50%", "T"),
+        # With letters of quantities.
+        *("DB 703", "OD green", "Std 1", "STD", "Fluorescent Red", "Trans. Oxide"),
+        *("Flash green", "Display 3", "Absorbent ground"),
+    ],
 )
 def test_names_of_paints_are_no_quantities(read, name):
     table = read(f"nm,{name},other\n" + rows(RED, BLUE))
@@ -125,19 +133,58 @@ def test_names_of_paints_are_no_quantities(read, name):
 
 
 @pytest.mark.parametrize(
-    "line",
+    ("text", "complaint"),
     [
-        "YUNITS\tABSORBANCE",
-        "%T",
-        "Data units; Radiance",
-        "K/S values",
-        "Ordinate mode: %T",
-        "Mode: Abs",
+        *(
+            (f"An instrument\n{line}\n" + rows(RED, by="\t"), ONLY)
+            for line in (
+                "YUNITS\tABSORBANCE",
+                "%T",
+                "Data units; Radiance",
+                "K/S values",
+                "Ordinate mode: %T",
+                "Mode: Abs",
+            )
+        ),
+        *(
+            (f"Name,{','.join(map(band.format, GRID))}\nred,{','.join(map(str, RED))}\n", ONLY)
+            for band in ("%T {:g}", "Abs {:g}nm", "K/S {:g}")
+        ),
+        ("nm,Sample,Dark\n" + rows(RED, BLUE), r"'Sample \(counts\)' is counts"),
+        *(
+            (CGATS.replace("# a comment", keyword), "is emission, and only reflectance")
+            for keyword in (
+                'MEASUREMENT_MODE "Emissive"',
+                'LUMINANCE_XYZ_CDM2 "95 100 109"',
+                'MEAS_TYPE "MONITOR"',
+            )
+        ),
+        (CXF.replace("m_Reflectance", "m_Emissive"), "'Spectrum_Emissive' is emission"),
+        (
+            "[STANDARD_DATA 0]\nSTD_NAME=a\nSTD_REFLPOINTS=3\nSTD_REFLINTERVAL=10\n"
+            "STD_REFLLOW=400\nSTD_VIEWING=TRANSMISSION\nSTD_R=1,2,3\n",
+            "is transmittance",
+        ),
+        *(
+            (f"{title};red\n" + rows(RED, by=";"), f"'{title[:4]}.* {NOWHERE}")
+            for title in ("Frequency (THz)", "Raman shift (cm-1)")
+        ),
+        *(
+            (rows(RED, grid=np.linspace(*ends, GRID.size)), "without a unit may be wavenumbers")
+            for ends in ((100, 3500), (4000, 10_000), (650, 4000))
+        ),
+        # Columns of wavelengths in other units, which are no spectra.
+        ("nm;a;um;b\n" + rows(RED, GRID / 1000, BLUE, by=";"), APART),
+        *(
+            (f"wavelength_nm,{title},red\n" + rows(GRID / 1000, RED), APART)
+            for title in ("Wavelength (µm)", "Wavelength")
+        ),
+        ("nm,a,nm,b\n400,.1,401,.2\n410,.1,411,.2\n420,.1,421,.2\n", APART),
     ],
 )
-def test_lines_above_say_what_the_values_are(read, line):
-    with refusal("and only reflectance can be read"):
-        read(f"An instrument\n{line}\n" + rows(RED, by="\t"))
+def test_what_is_no_reflectance_over_wavelengths_is_refused(read, text, complaint):
+    with refusal(complaint):
+        read(text)
 
 
 @pytest.mark.parametrize(
@@ -156,18 +203,6 @@ def test_of_what_an_instrument_gives_reflectance_is_taken(read, header, others):
     assert len(table) == 1
     assert_allclose(table.reflectance[0], RED)
     assert any(note.startswith("taken as reflectance: ") for note in table.notes)
-
-
-@pytest.mark.parametrize("title", ["%T {}", "Abs {}nm", "K/S {}"])
-def test_bands_of_another_quantity_are_refused(read, title):
-    header = ",".join(title.format(f"{w:g}") for w in GRID)
-    with refusal("and only reflectance can be read"):
-        read(f"Name,{header}\nred,{','.join(map(str, RED))}\n")
-
-
-def test_counts_alone_are_refused(read):
-    with refusal(r"'Sample \(counts\)' is counts"):
-        read("nm,Sample,Dark\n" + rows(RED, BLUE))
 
 
 @pytest.mark.parametrize("unit", ["", " (nm)"])
@@ -217,12 +252,10 @@ def test_blocks_of_their_own_wavelengths_are_read_where_all_have_some(read):
     text = "Glaze 1\t\tGlaze 2\t\nnm\tR\tnm\tR\n"
     long = np.arange(380.0, 731.0, 10.0)
     values = np.interp(long, GRID, BLUE)
-    short = [[*array, *[""] * 5] for array in (GRID, RED)]
-    table = read(text + rows(short[1], long, values, by="\t", grid=short[0]))
+    blank = [""] * 5
+    table = read(text + rows([*RED, *blank], long, values, by="\t", grid=[*GRID, *blank]))
     same(table, GRID, [RED, BLUE], ["Glaze 1", "Glaze 2"], atol=1e-9)
     assert "spectra share 400-700 nm step 10 (31 bands), and are read there" in table.notes
-    with refusal("have none in common"):
-        read("nm,a,nm,b\n400,.1,401,.2\n410,.1,411,.2\n420,.1,421,.2\n")
 
 
 def test_cary_descends_and_says_more_below(read):
@@ -241,9 +274,8 @@ def test_the_column_of_wavelengths_is_found_where_nothing_titles_it(read):
 
 
 def test_samples_left_of_the_wavelengths_are_said_to_be_left_out(read):
-    text = "A,B,seen,wavelength_nm,C\n"
-    rest = [f"{a},{b},fine,{nm},{c}\n" for a, b, nm, c in zip(BLUE, RED, GRID, RED, strict=True)]
-    table = read(text + "".join(rest))
+    text = "A,B,seen,wavelength_nm,C\n" + rows(RED, ["fine"] * 31, GRID, RED, grid=BLUE)
+    table = read(text)
     same(table, GRID, [RED], ["C"])
     assert "left of the wavelengths, and not read: A, B" in table.notes
     assert "left out, as they hold no spectra: seen" in table.notes
@@ -279,9 +311,6 @@ def test_names_are_padded_by_nul_above_a_table_only(read):
 def test_a_sample_may_be_called_as_wavelengths_are(read, factor):
     table = read("wavelength_nm,Wave blue,WL 1\n" + rows(factor * BLUE, factor * RED))
     same(table, GRID, [BLUE, RED], ["Wave blue", "WL 1"], atol=1e-9)
-    for title in ("Wavelength (µm)", "Wavelength"):
-        with refusal("have none in common"):
-            read(f"wavelength_nm,{title},red\n" + rows(GRID / 1000, RED))
 
 
 def test_percent_cells_are_percent_and_all_alike(read):
@@ -301,15 +330,6 @@ def test_percent_cells_are_counted_before_bands_are_dropped(read):
     same(read(text), GRID[1:-1], [RED[1:-1], BLUE[:-2]], ["red", "blue"], atol=1e-9)
     with refusal("some cells are in percent, with %, and some are not"):
         read(text.replace("%", "", 1))
-
-
-def test_detectors_of_a_table_overlap(read):
-    grid = np.array([*GRID[:21], *(GRID[17:] + 3)])
-    text = "wavelength,field\n" + rows([*RED[:21], *BLUE[17:]], grid=grid)
-    table = read(text)
-    # The overlap is 573 to 600 nm.
-    assert "detectors overlap: the change is at 586.5 nm" in table.notes
-    same(table, [*GRID[:19], *(GRID[19:] + 3)], [[*RED[:19], *BLUE[19:]]], ["field"])
 
 
 def test_deleted_channels_and_noisy_ends_of_a_titled_table(read):
@@ -356,19 +376,15 @@ def test_a_workbook_without_spectra_names_its_sheets(tmp_path):
         '"nm","R pct"\n'
         + "".join(f'"{w:g},0","{d}"\n'.replace(".", ",") for w, d in zip(GRID, DARK, strict=True)),
         "nm;black\n" + rows([f"{value}\u00a0%" for value in DARK], by=";"),
+        *(
+            f"Name;{';'.join(map(band.format, GRID))}\nblack;{';'.join(map(str, DARK))}\n"
+            for band in ("R{:g}%", "{:g} %", "R_{:g}nm_%", "R% {:g}", "SPECTRAL_PCT_{:g}")
+        ),
+        f"Name;Unit;{';'.join(map('{:g}'.format, GRID))}\nblack;%;{';'.join(map(str, DARK))}\n",
     ],
 )
-def test_percent_of_a_row_of_units_a_line_above_or_a_cell(read, text):
+def test_percent_of_a_row_of_units_a_line_above_a_band_or_a_cell(read, text):
     are_dark(read(text))
-
-
-@pytest.mark.parametrize("band", ["R{:g}%", "{:g} %", "R_{:g}nm_%", "R% {:g}", "SPECTRAL_PCT_{:g}"])
-def test_percent_behind_the_wavelength_of_a_band(read, band):
-    text = f"Name;{';'.join(map(band.format, GRID))}\nblack;{';'.join(map(str, DARK))}\n"
-    assert_allclose(read(text)["black"], DARK / 100)
-    bands = ";".join(f"{w:g}" for w in GRID)
-    text = f"Name;Unit;{bands}\nblack;%;{';'.join(map(str, DARK))}\n"
-    assert_allclose(read(text)["black"], DARK / 100)
 
 
 QUANTITIES = {
@@ -401,11 +417,7 @@ def test_quantities_in_a_title_a_row_of_units_and_a_line_above(put, quantity):
         assert_array_equal(table.reflectance[0], RED)
 
 
-def test_names_of_paints_with_letters_of_quantities(read):
-    names = ["DB 703", "OD green", "Std 1", "STD", "Fluorescent Red", "Trans. Oxide"]
-    names += ["Flash green", "Display 3", "Absorbent ground"]
-    text = f"nm;{';'.join(names)}\n" + rows(*[RED] * len(names), by=";")
-    assert read(text).names == tuple(names)
+def test_percent_of_a_sample_stays_in_its_name(read):
     text = "nm;white (%R);red (%R)\n" + rows(DARK, DARK, by=";")
     assert read(text).names == ("white (%R)", "red (%R)")
 
@@ -427,28 +439,11 @@ def test_titles_stand_above_decimal_commas_and_numbers(read):
     same(read(text), GRID, [RED, RED, BLUE, BLUE], names)
 
 
-def test_what_is_no_wavelength_is_refused_or_left_out(read):
-    for title in ("Frequency (THz)", "Raman shift (cm-1)"):
-        complaint = r"'(Freq|Raman).* is no wavelength; write wavelengths in nm$"
-        with refusal(complaint):
-            read(f"{title};red\n" + rows(RED, by=";"))
+def test_what_is_no_wavelength_is_left_out(read):
     text = "Wavenumber (cm-1);nm;Energy (eV);red\n"
     table = read(text + rows(GRID, 1240 / GRID, RED, by=";", grid=1e7 / GRID))
     same(table, GRID, [RED], ["red"])
     assert "left out, as they hold no spectra: Wavenumber (cm-1), Energy (eV)" in table.notes
-
-
-@pytest.mark.parametrize("ends", [(100, 3500), (4000, 10_000), (650, 4000)])
-def test_wavenumbers_of_any_instrument_are_asked_about(read, ends):
-    grid = np.linspace(ends[0], ends[1], GRID.size)
-    with refusal("without a unit may be wavenumbers"):
-        read(rows(RED, grid=grid))
-
-
-def test_wavelengths_of_pairs_in_other_units_are_no_spectra(read):
-    text = "nm;a;um;b\n" + rows(RED, GRID / 1000, BLUE, by=";")
-    with refusal("have none in common"):
-        read(text)
 
 
 def test_the_usual_mark_of_missing_data_in_a_table(read):
@@ -459,23 +454,5 @@ def test_the_usual_mark_of_missing_data_in_a_table(read):
     assert "-9999 was taken for missing data" in table.notes
 
 
-@pytest.mark.parametrize(
-    "keyword",
-    ['MEASUREMENT_MODE "Emissive"', 'LUMINANCE_XYZ_CDM2 "95 100 109"', 'MEAS_TYPE "MONITOR"'],
-)
-def test_keywords_of_lamps_and_screens(read, keyword):
-    with refusal("is emission, and only reflectance"):
-        read(CGATS.replace("# a comment", keyword))
-
-
-def test_cxf_says_what_was_measured_and_may_be_utf_16(put, read):
-    path = put(CXF.replace("UTF-8", "UTF-16"), encoding="utf-16")
-    assert "red" in read_spectra(path).names
-    with refusal("'Spectrum_Emissive' is emission"):
-        read(CXF.replace("Spectrum_Reflectance", "Spectrum_Emissive"))
-
-
-def test_qtx_of_a_transmission(read):
-    text = "[STANDARD_DATA 0]\nSTD_NAME=a\nSTD_REFLPOINTS=3\nSTD_REFLINTERVAL=10\nSTD_REFLLOW=400\n"
-    with refusal("is transmittance"):
-        read(text + "STD_VIEWING=TRANSMISSION\nSTD_R=1,2,3\n")
+def test_cxf_may_be_utf_16(read):
+    assert "red" in read(CXF.replace("UTF-8", "UTF-16"), encoding="utf-16").names

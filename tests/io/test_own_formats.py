@@ -5,7 +5,6 @@
 
 import io
 import re
-import struct
 import zipfile
 from pathlib import Path
 
@@ -87,10 +86,9 @@ def test_procspec_is_read(read):
     assert table.format == "SpectraSuite .ProcSpec"
 
 
-SPC = b"\x00K" + struct.pack("<BBi", 0, 0, 31) + bytes(500)
 OLE = b"\xd0\xcf\x11\xe0" + bytes(99)
 NAMED = {
-    "Galactic SPC": (SPC, "JCAMP-DX or as text"),
+    "Galactic SPC": (b"\0K" + bytes(600), "JCAMP-DX or as text"),
     "Bruker OPUS": (b"\n\n\xfe\xfe" + bytes(99), r"\.dpt"),
     "Thermo OMNIC": (b"Spectral Data File\r\n" + bytes(99), "CSV or JCAMP-DX"),
     "PerkinElmer": (b"PEPE2D constant interval" + bytes(99), "ASCII or JCAMP-DX"),

@@ -12,6 +12,7 @@ from glazejax.io import read_spectra, write_table
 from glazejax.io.quantity import not_stated
 
 from ..refusals import refusal
+from .samples import GRID, lines, rows, same, spectra
 
 VALUES = [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
 WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
@@ -89,22 +90,17 @@ def test_samples_may_be_called_by_numbers_like_wavelengths(read):
 )
 def test_numbered_samples_may_stand_next_to_a_mean_or_a_blank(read, header):
     """An unnamed first column counts lines, as pandas writes it."""
-    titles = header.split(",")
-    grid = range(400, 701, 10)
-    first = [[i, nm] for i, nm in enumerate(grid)] if not titles[0] else [[nm] for nm in grid]
-    names = titles[len(first[0]) :]
-    values = [0.1 * (i + 1) for i in range(len(names))]
-    rows = (",".join(f"{cell:g}" for cell in [*cells, *values]) for cells in first)
-    table = read("\n".join([header, *rows]))
-    assert table.names == tuple(names)
-    assert_array_equal(table.wavelengths, grid)
-    assert_allclose(table.reflectance[:, 0], values)
+    counted = header[0] == ","
+    names = header.split(",")[1 + counted :]
+    values = spectra(len(names))
+    cells = rows(GRID, *values, grid=range(31)) if counted else rows(*values)
+    table = read(f"{header}\n{cells}")
+    same(table, GRID, values, names)
 
 
 def test_numbered_samples_of_a_wide_table_may_have_a_further_column(read):
-    header = "wavelength," + ",".join(map(str, range(400, 701, 10))) + ",gloss"
-    rows = (f"{number}{',.1' * 31},high" for number in (101, 105, 107))
-    table = read("\n".join([header, *rows]))
+    numbered = ([number, *[0.1] * 31, "high"] for number in (101, 105, 107))
+    table = read(lines([["wavelength", *range(400, 701, 10), "gloss"], *numbered]))
     assert table.names == ("101", "105", "107")
     assert table.attributes["gloss"] == ("high",) * 3
 

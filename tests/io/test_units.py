@@ -13,7 +13,7 @@ from glazejax.io.quantity import nanometres
 from ..refusals import refusal
 from . import test_envi
 from .cubes.images import envi
-from .samples import envi_list, jcamp_block
+from .samples import GRID, envi_list, jcamp_block
 
 # Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in
 # other units.
@@ -31,11 +31,10 @@ VALUES = [0.2, 0.4, 0.6]
 
 @pytest.mark.parametrize("format_name", ["envi", "jcamp", "json"])
 @pytest.mark.parametrize("unit", IN_UNITS)
-def test_lines_are_where_they_are(tmp_path, put, format_name, unit):
+def test_lines_are_where_they_are(here, put, format_name, unit):
     values = np.asarray(IN_UNITS[unit], float)
     if format_name == "envi":
         path = test_envi.put(
-            tmp_path,
             [VALUES],
             samples=3,
             lines=1,
@@ -73,10 +72,10 @@ def test_units_that_are_none():
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.inf, np.nan])
-def test_a_scale_must_be_positive_and_finite(tmp_path, put, scale):
+def test_a_scale_must_be_positive_and_finite(here, put, scale):
     table = put("nm,red\n400,-0.5\n410,-0.5\n", "film.csv")
-    library = test_envi.put(tmp_path)
-    image = envi(tmp_path)
+    library = test_envi.put()
+    image = envi()
     for path in (table, library, image):
         with refusal(f"scale is {scale:g}; it must be positive and finite"):
             read_spectra(path, scale=scale)
@@ -85,9 +84,8 @@ def test_a_scale_must_be_positive_and_finite(tmp_path, put, scale):
 
 
 def test_whole_wavelengths_in_wavenumbers_stay_whole():
-    grid = np.arange(400.0, 701.0, 10.0)
     for decimals in (1, 2, 3):
-        found, _ = nanometres(np.round(1e7 / grid, decimals), "1/cm")
-        assert_array_equal(found, grid)
+        rounded = np.round(1e7 / GRID, decimals)
+        assert_array_equal(nanometres(rounded, "1/cm")[0], GRID)
     fine = np.array([10000.0, 9998.0, 9996.0])
     assert_array_equal(nanometres(fine, "1/cm")[0], 1e7 / fine)

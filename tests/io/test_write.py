@@ -1,6 +1,7 @@
 """Files that are written read back bit for bit, and nothing is replaced unasked."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,45 +47,45 @@ def test_files_read_back(tmp_path_factory, name, layout, kind, data):
     same(read_spectra(path), table.wavelengths, table.reflectance, table.names)
 
 
-def test_envi_is_legal_for_spectral_python(tmp_path):
+def test_envi_is_legal_for_spectral_python(here):
     import spectral.io.envi as spy
 
-    write_spectra(TABLE, tmp_path / "t.sli")
-    library: Any = spy.open(str(tmp_path / "t.hdr"))
+    write_spectra(TABLE, "t.sli")
+    library: Any = spy.open("t.hdr")
     np.testing.assert_array_equal(library.spectra, spectra())
     assert library.names == ["a", "b", "c"]
     assert library.bands.centers == GRID.tolist()
 
 
-def test_bright_spectra_survive_csv(tmp_path):
+def test_bright_spectra_survive_csv(here):
     table = SpectraTable(GRID, ("glare",), np.full((1, GRID.size), 2.5))
-    write_spectra(table, tmp_path / "t.csv")
-    assert (tmp_path / "t.csv").read_text().startswith(f'"{WIDE_TITLE}",400,')
-    same(read_spectra(tmp_path / "t.csv"), GRID, table.reflectance, ["glare"])
+    write_spectra(table, "t.csv")
+    assert Path("t.csv").read_text().startswith(f'"{WIDE_TITLE}",400,')
+    same(read_spectra("t.csv"), GRID, table.reflectance, ["glare"])
 
 
 @pytest.mark.parametrize("name", ["t.csv", "t.tsv", "t.cxf", "t.hdr"])
-def test_own_files_state_what_they_hold(tmp_path, name):
-    write_spectra(dataclasses.replace(TABLE, reflectance=spectra() / 100), tmp_path / name)
-    assert read_spectra(tmp_path / name).notes == []
+def test_own_files_state_what_they_hold(here, name):
+    write_spectra(dataclasses.replace(TABLE, reflectance=spectra() / 100), name)
+    assert read_spectra(name).notes == []
 
 
-def test_names_that_a_format_cannot_hold(tmp_path):
+def test_names_that_a_format_cannot_hold(here):
     table = SpectraTable(GRID, ("a,{b}", " x\ny ", "", "x y"), spectra(4))
-    notes = write_spectra(table, tmp_path / "t.hdr")
-    assert read_spectra(tmp_path / "t.sli").names == ("a;(b)", "x y", "spectrum 3", "x y (2)")
+    notes = write_spectra(table, "t.hdr")
+    assert read_spectra("t.sli").names == ("a;(b)", "x y", "spectrum 3", "x y (2)")
     assert len(notes) == 3
 
 
 @pytest.mark.parametrize("name", ["t.csv", "t.cxf", "t.hdr"])
-def test_existing_files_are_kept(tmp_path, name):
-    path = tmp_path / name
+def test_existing_files_are_kept(here, name):
+    path = Path(name)
     write_spectra(TABLE, path)
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    before = {file.name: file.read_bytes() for file in here.iterdir()}
     brighter = dataclasses.replace(TABLE, reflectance=spectra() * 1.01)
     with refusal("--overwrite", FileExistsError):
         write_spectra(brighter, path)
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+    assert {file.name: file.read_bytes() for file in here.iterdir()} == before
     write_spectra(brighter, path, overwrite=True)
     same(read_spectra(path), GRID, brighter.reflectance, TABLE.names)
 
@@ -101,26 +102,24 @@ def test_existing_files_are_kept(tmp_path, name):
         (GRID + 10, "ab", "t.cxf", {}, "write CSV or ENVI"),
     ],
 )
-def test_what_cannot_be_written_is_said(tmp_path, grid, names, name, how, complaint):
+def test_what_cannot_be_written_is_said(here, grid, names, name, how, complaint):
     with refusal(complaint):
-        write_spectra(SpectraTable(grid, tuple(names), spectra(2, grid)), tmp_path / name, **how)
-    assert list(tmp_path.iterdir()) == []
+        write_spectra(SpectraTable(grid, tuple(names), spectra(2, grid)), name, **how)
+    assert list(here.iterdir()) == []
     with refusal("folder", FileNotFoundError):
-        write_spectra(SpectraTable(GRID, ("a",), spectra(1)), tmp_path / "no" / "t.csv")
+        write_spectra(SpectraTable(GRID, ("a",), spectra(1)), "no/t.csv")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -0.1, 4.0])
-def test_only_legal_fractions_are_written(tmp_path, value):
+def test_only_legal_fractions_are_written(here, value):
     values = spectra()
     values[1, 2] = value
     with refusal(r"'b' is .* at 420 nm; it must be a fraction from 0 to 3"):
-        write_spectra(dataclasses.replace(TABLE, reflectance=values), tmp_path / "t.csv")
+        write_spectra(dataclasses.replace(TABLE, reflectance=values), "t.csv")
     with refusal("make no table"):
-        write_spectra(SpectraTable(GRID, ("a",), spectra()), tmp_path / "t.csv")
+        write_spectra(SpectraTable(GRID, ("a",), spectra()), "t.csv")
 
 
-def test_what_is_left_behind_is_said(tmp_path):
+def test_what_is_left_behind_is_said(here):
     table = SpectraTable(GRID, ("a",), spectra(1), attributes={"grams": ("2.5",)})
-    assert write_spectra(table, tmp_path / "t.csv") == [
-        "only names and spectra are written, not grams"
-    ]
+    assert write_spectra(table, "t.csv") == ["only names and spectra are written, not grams"]

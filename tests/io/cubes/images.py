@@ -34,10 +34,10 @@ def binned(values, each):
 
 
 def envi(
-    folder: Path,
     values: np.ndarray = IMAGE,
     /,
     *,
+    folder: str | Path = ".",
     interleave: Any = "bsq",
     dtype: Any = "u2",
     order: Any = 0,
@@ -45,14 +45,14 @@ def envi(
     wavelengths: Any = WAVELENGTHS,
     **fields: Any,
 ) -> Path:
-    """Image that Spectral Python writes: whole numbers of 16 bits or more in ten thousandths."""
+    """Image that Spectral Python writes: whole numbers in ten thousandths, of 8 bits in hundredths."""
     kind = np.dtype(dtype).kind
     if kind != "f":
-        fields.setdefault("reflectance scale factor", 10_000)
+        fields.setdefault("reflectance scale factor", 100 if dtype == "u1" else 10_000)
         values = np.round(values * float(fields["reflectance scale factor"]))
     if wavelengths is not None:
         fields["wavelength"] = list(wavelengths)
-    path = folder / f"{name}.hdr"
+    path = Path(folder, f"{name}.hdr")
     spy.save_image(
         str(path),
         values.astype(dtype),
@@ -65,7 +65,7 @@ def envi(
     return path
 
 
-def holes(folder, interleave, lines, samples, wavelengths):
+def holes(interleave, lines, samples, wavelengths):
     """A large image that takes no room."""
     fields = {
         "lines": lines,
@@ -77,13 +77,13 @@ def holes(folder, interleave, lines, samples, wavelengths):
         "reflectance scale factor": 10_000,
         "byte order": 0,
     }
-    spy.create_image(str(folder / "big.hdr"), fields, force=True)
-    return folder / "big.hdr"
+    spy.create_image("big.hdr", fields, force=True)
+    return Path("big.hdr")
 
 
-def bright_image(folder: Path) -> Path:
+def bright_image() -> Path:
     """Such an image with one reading as high as there are."""
-    path = envi(folder)
+    path = envi()
     raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
     raw[2, 5, 6] = 65535
     raw.flush()
@@ -105,16 +105,17 @@ def labelled(values, **attributes):
 PACKED = {"reflectance": {"dtype": "u2", "scale_factor": 1e-4, "_FillValue": 65535}}
 
 
-def zarr(folder, dataset, *, version=3, encoding=None, name="image.zarr"):
+def zarr(dataset, *, folder=".", version=3, encoding=None, name="image.zarr"):
+    path = Path(folder, name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of zarr, on consolidated metadata
-        dataset.to_zarr(folder / name, zarr_format=version, encoding=encoding or {}, mode="w")
-    return folder / name
+        dataset.to_zarr(path, zarr_format=version, encoding=encoding or {}, mode="w")
+    return path
 
 
-def hdf5(folder, values, *, dtype="f4", **further):
+def hdf5(values=IMAGE, *, folder=".", dtype="f4", **further):
     """Cube in groups, as airborne spectrometers' files have it."""
-    path = folder / "image.h5"
+    path = Path(folder, "image.h5")
     with h5py.File(path, "w") as file:
         file.create_dataset(
             "SITE/Reflectance/Reflectance_Data", data=values.astype(dtype), **further
@@ -126,9 +127,9 @@ def hdf5(folder, values, *, dtype="f4", **further):
     return path
 
 
-def tiff(folder, values, *, name="image.tif", pages=False, **further):
+def tiff(values=IMAGE, *, folder=".", name="image.tif", pages=False, **further):
     """A page a band: as one series (BigTIFF, big-endian), or each page for itself and described."""
-    path = folder / name
+    path = Path(folder, name)
     planes = np.moveaxis(values, 2, 0).astype("f4")
     if not pages:
         tifffile.imwrite(
@@ -149,9 +150,9 @@ def tiff(folder, values, *, name="image.tif", pages=False, **further):
     return path
 
 
-def tiffs(folder, values, *, form="band_{:g}nm.tif", **further):
+def tiffs(values=IMAGE, *, folder=".", form="band_{:g}nm.tif", **further):
     """A file a band."""
-    path = folder / "bands"
+    path = Path(folder, "bands")
     path.mkdir()
     for i, wavelength in enumerate(WAVELENGTHS):
         tifffile.imwrite(path / form.format(wavelength), values[..., i].astype("f4"), **further)
@@ -167,22 +168,31 @@ def every(folder: Path, values: np.ndarray) -> dict[str, dict[str, Any]]:
     dataset.to_netcdf(folder / "old.nc", engine="scipy")
     np.save(folder / "image.npy", values.astype("f4"))
     return {
-        "envi": {"path": envi(folder, values, dtype="f4")},
+        "envi": {"path": envi(values, folder=folder, dtype="f4")},
         "npy": {"path": folder / "image.npy", "wavelengths": WAVELENGTHS},
-        "zarr": {"path": zarr(folder, dataset, encoding={"reflectance": {"chunks": (8, 10, 3)}})},
+        "zarr": {
+            "path": zarr(dataset, folder=folder, encoding={"reflectance": {"chunks": (8, 10, 3)}})
+        },
         "netcdf": {"path": folder / "new.nc"},
         "classic": {"path": folder / "old.nc"},
-        "hdf5": {"path": hdf5(folder, values, chunks=(4, 9, 7))},
-        "tiff": {"path": tiff(folder, values)},
+        "hdf5": {"path": hdf5(values, folder=folder, chunks=(4, 9, 7))},
+        "tiff": {"path": tiff(values, folder=folder)},
         "packed tiff": {
-            "path": tiff(folder, values, name="packed.tif", compression="zlib", tile=(16, 16))
+            "path": tiff(
+                values, folder=folder, name="packed.tif", compression="zlib", tile=(16, 16)
+            )
         },
         "pages": {
             "path": tiff(
-                folder, values, name="pages.tif", pages=True, compression="zlib", rowsperstrip=5
+                values,
+                folder=folder,
+                name="pages.tif",
+                pages=True,
+                compression="zlib",
+                rowsperstrip=5,
             )
         },
-        "tiffs": {"path": tiffs(folder, values)},
+        "tiffs": {"path": tiffs(values, folder=folder)},
     }
 
 

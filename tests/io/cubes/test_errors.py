@@ -1,6 +1,7 @@
 """What is wrong with a file or an option is one sentence that names it."""
 
 from functools import partial
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -29,11 +30,12 @@ from .images import (
     zarr,
 )
 
+pytestmark = pytest.mark.usefixtures("here")
 refused = partial(samples.refused, read=open_cube)
 
 
-def test_header_that_promises_more_than_there_is(tmp_path):
-    path = envi(tmp_path)
+def test_header_that_promises_more_than_there_is():
+    path = envi()
     data = path.with_suffix(".img")
     data.write_bytes(data.read_bytes()[:-1])
     refused(path, "promises .* the file was cut short")
@@ -50,30 +52,30 @@ def test_header_that_promises_more_than_there_is(tmp_path):
         ([400, 410, 420, 430, 450, 470, -3], "finite and positive"),
     ],
 )
-def test_wavelengths_that_are_none(tmp_path, wavelengths, complaint):
-    refused(envi(tmp_path, wavelengths=wavelengths), complaint)
+def test_wavelengths_that_are_none(wavelengths, complaint):
+    refused(envi(wavelengths=wavelengths), complaint)
 
 
-def test_given_wavelengths(tmp_path):
-    path = envi(tmp_path, wavelengths=None)
-    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, IMAGE, atol=1e-6)
+def test_given_wavelengths():
+    path = envi(wavelengths=None)
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS), IMAGE, atol=1e-6)
     micrometres = np.array(WAVELENGTHS) / 1000
     assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
-    envi(tmp_path, wavelengths=range(1, 8))
-    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, IMAGE, atol=1e-6)
+    envi(wavelengths=range(1, 8))
+    assert_allclose(open_cube(path, wavelengths=WAVELENGTHS), IMAGE, atol=1e-6)
     refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
-    (tmp_path / "image.txt").write_text("400 410 x")
-    refused(tmp_path / "image.txt", "not an image of spectra")
+    Path("image.txt").write_text("400 410 x")
+    refused("image.txt", "not an image of spectra")
     with refusal(r"image\.txt: not a list of numbers"):
-        open_cube(path, wavelengths=tmp_path / "image.txt")
+        open_cube(path, wavelengths="image.txt")
     with refusal("finite numbers: there are none"):
         open_cube(path, wavelengths=[])
     with pytest.raises(FileNotFoundError):
-        open_cube(path, wavelengths=tmp_path / "none.txt")
+        open_cube(path, wavelengths="none.txt")
 
 
-def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
-    path = envi(tmp_path)
+def test_windows_bins_and_limits_that_do_not_fit():
+    path = envi()
     for window in (
         (0, LINES + 1, 0, 3),
         (5, 5, 0, 3),
@@ -101,8 +103,8 @@ def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
             open_cube(path, scale=scale)
 
 
-def test_datasets_that_are_not_there(tmp_path):
-    path = hdf5(tmp_path, IMAGE)
+def test_datasets_that_are_not_there():
+    path = hdf5()
     refused(
         path,
         "no dataset 'cube' with three axes of numbers; there are SITE/Reflectance/Refl",
@@ -118,36 +120,36 @@ def test_datasets_that_are_not_there(tmp_path):
     with h5py.File(path, "a") as file:
         file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
     refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
-    assert_allclose(open_cube(path, dataset="b/raw").values, IMAGE, atol=1e-6)
-    refused(envi(tmp_path), "has no datasets; leave 'x' out", dataset="x")
+    assert_allclose(open_cube(path, dataset="b/raw"), IMAGE, atol=1e-6)
+    refused(envi(), "has no datasets; leave 'x' out", dataset="x")
 
 
-def test_files_without_an_image(tmp_path):
-    xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(tmp_path / "flat.nc", engine="h5netcdf")
-    refused(tmp_path / "flat.nc", "no array has three axes of numbers")
+def test_files_without_an_image():
+    xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf("flat.nc", engine="h5netcdf")
+    refused("flat.nc", "no array has three axes of numbers")
     refused(
-        tmp_path / "flat.nc",
+        "flat.nc",
         "no dataset 'a' with three axes of numbers; there is none",
         dataset="a",
     )
-    zarr_package.open_group(tmp_path / "empty.zarr", mode="w")
-    refused(tmp_path / "empty.zarr", "no array has three axes of numbers")
-    (tmp_path / "nothing").mkdir()
-    refused(tmp_path / "nothing", "a folder without an image")
-    refused(tmp_path / "nothing", "no datasets", dataset="a")
-    refused(tmp_path / "gone.hdr", "gone.hdr", error=FileNotFoundError)
-    write_table(tmp_path / "table.csv", ["name", "400"], [["a", 0.5]])
-    refused(tmp_path / "table.csv", "not an image of spectra that is known: ENVI, zarr")
-    np.save(tmp_path / "flat.npy", np.ones((4, 5)))
-    refused(tmp_path / "flat.npy", "not an image of y, x, wavelength")
-    np.save(tmp_path / "complex.npy", np.ones((4, 5, 6), complex))
-    refused(tmp_path / "complex.npy", "type complex128")
-    tifffile.imwrite(tmp_path / "one.tif", np.ones((9, 9), "u1"))
-    refused(tmp_path / "one.tif", "not an image of several bands")
-    with tifffile.TiffWriter(tmp_path / "two.tif") as writer:
+    zarr_package.open_group("empty.zarr", mode="w")
+    refused("empty.zarr", "no array has three axes of numbers")
+    Path("nothing").mkdir()
+    refused("nothing", "a folder without an image")
+    refused("nothing", "no datasets", dataset="a")
+    refused("gone.hdr", "gone.hdr", error=FileNotFoundError)
+    write_table("table.csv", ["name", "400"], [["a", 0.5]])
+    refused("table.csv", "not an image of spectra that is known: ENVI, zarr")
+    np.save("flat.npy", np.ones((4, 5)))
+    refused("flat.npy", "not an image of y, x, wavelength")
+    np.save("complex.npy", np.ones((4, 5, 6), complex))
+    refused("complex.npy", "type complex128")
+    tifffile.imwrite("one.tif", np.ones((9, 9), "u1"))
+    refused("one.tif", "not an image of several bands")
+    with tifffile.TiffWriter("two.tif") as writer:
         writer.write(np.ones((9, 9), "u1"))
         writer.write(np.ones((9, 8), "u1"))
-    refused(tmp_path / "two.tif", "not an image of several bands of one size and type: 2 pages")
+    refused("two.tif", "not an image of several bands of one size and type: 2 pages")
 
 
 @pytest.mark.parametrize(
@@ -188,16 +190,16 @@ def test_damaged_files_are_read_or_refused_in_one_line(files, kind):
         file.write_bytes(content)
 
 
-def test_folders_of_tiffs_that_do_not_belong_together(tmp_path):
-    path = tiffs(tmp_path, IMAGE, form="f{:g}.tif")
+def test_folders_of_tiffs_that_do_not_belong_together():
+    path = tiffs(form="f{:g}.tif")
     tifffile.imwrite(path / "f480.tif", np.ones((LINES, SAMPLES), "u1"))
     refused(path, "uint8 where f400.tif has")
     (path / "f480.tif").write_bytes(b"no")
     refused(path, "f480.tif: cannot be read; is the file whole?")
 
 
-def test_folder_of_tiffs_without_wavelengths(tmp_path):
-    path = tmp_path / "bands"
+def test_folder_of_tiffs_without_wavelengths():
+    path = Path("bands")
     path.mkdir()
     for name in "abc":
         tifffile.imwrite(path / f"{name}.tif", np.full((9, 9), 0.5, "f4"))
@@ -209,11 +211,11 @@ def test_folder_of_tiffs_without_wavelengths(tmp_path):
     ]
 
 
-def test_image_without_any_data(tmp_path):
-    path = zarr(tmp_path, labelled(np.full((9, 9, BANDS), np.nan, "f4")))
+def test_image_without_any_data():
+    path = zarr(labelled(np.full((9, 9, BANDS), np.nan, "f4")))
     refused(path, "no pixel that was looked at has data: give the scale")
     assert np.isnan(open_cube(path, scale=1).values).all()
 
 
-def test_wavelengths_of_another_number_of_pages_are_not_used(tmp_path):
-    refused(tiff(tmp_path, IMAGE[..., :3], name="three.tif"), "no wavelengths for 3 bands")
+def test_wavelengths_of_another_number_of_pages_are_not_used():
+    refused(tiff(IMAGE[..., :3], name="three.tif"), "no wavelengths for 3 bands")

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from pathlib import Path
 
 import h5py
 import matplotlib.path
@@ -25,8 +26,8 @@ USED = np.random.default_rng(0).random(SHAPE) < 0.5
 BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
 
 
-def png(folder, values):
-    path = folder / "mask.png"
+def png(values):
+    path = Path("mask.png")
     Image.fromarray(values).save(path)
     return path
 
@@ -34,7 +35,7 @@ def png(folder, values):
 @pytest.mark.parametrize(
     "kind", ["grey", "16 bit", "1 bit", "rgb", "rgba", "palette", "grey alpha"]
 )
-def test_pictures_of_all_kinds(tmp_path, kind):
+def test_pictures_of_all_kinds(here, kind):
     grey = Image.fromarray(np.where(USED, 7, 0).astype("u1"))
     made = {
         "grey": grey,
@@ -45,31 +46,31 @@ def test_pictures_of_all_kinds(tmp_path, kind):
         "palette": grey.convert("P"),
         "grey alpha": grey.convert("LA"),
     }[kind]
-    made.save(tmp_path / "mask.png")
-    assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), USED)
+    made.save("mask.png")
+    assert_array_equal(read_mask("mask.png", SHAPE), USED)
 
 
-def test_mask_of_another_size(tmp_path):
-    path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
+def test_mask_of_another_size(here):
+    path = png(np.ones((SAMPLES, LINES), "u1"))
     with refusal(f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
         read_mask(path, SHAPE)
-    cube = open_cube(envi(tmp_path), binning=(2, 3, 1))
+    cube = open_cube(envi(), binning=(2, 3, 1))
     with refusal("opened as 11 x 10"):
         read_mask(path, cube)
 
 
-def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
-    cube = open_cube(envi(tmp_path), window=(2, 21, 3, 30), binning=(2, 3, 1))
+def test_masks_are_windowed_and_binned_as_the_cube_is(here):
+    cube = open_cube(envi(), window=(2, 21, 3, 30), binning=(2, 3, 1))
     expected = USED[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
-    assert_array_equal(read_mask(png(tmp_path, USED), cube), expected)
-    assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
+    assert_array_equal(read_mask(png(USED), cube), expected)
+    assert_array_equal(read_mask(png(expected), cube), expected)
 
 
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize(
     "form", ["polygon", "feature", "collection", "multi", "list", "csv", "titled"]
 )
-def test_polygons_of_all_forms(tmp_path, form, closed):
+def test_polygons_of_all_forms(here, form, closed):
     ring = [*BOX, BOX[0]] if closed else BOX
     polygon = {"type": "Polygon", "coordinates": [ring]}
     rows = "\n".join(f"{x}, {y}" for x, y in ring)
@@ -84,26 +85,26 @@ def test_polygons_of_all_forms(tmp_path, form, closed):
         "csv": rows,
         "titled": f"x,y\n{rows}\n",
     }[form]
-    (tmp_path / "shape.txt").write_text(made)
+    Path("shape.txt").write_text(made)
     expected = np.zeros(SHAPE, bool)
     expected[3:8, 4:10] = True
-    assert_array_equal(read_mask(tmp_path / "shape.txt", SHAPE), expected)
+    assert_array_equal(read_mask("shape.txt", SHAPE), expected)
 
 
-def test_holes_and_polygons_that_overlap(tmp_path):
+def test_holes_and_polygons_that_overlap(here):
     hole, other = [[5, 4], [7, 4], [7, 6], [5, 6]], [[8, 6], [12, 6], [12, 12], [8, 12]]
-    (tmp_path / "a.json").write_text(
+    Path("a.json").write_text(
         json.dumps({"type": "MultiPolygon", "coordinates": [[BOX, hole], [other]]})
     )
     expected = np.zeros(SHAPE, bool)
     expected[3:8, 4:10] = expected[6:12, 8:12] = True
     expected[4:6, 5:7] = False
-    assert_array_equal(read_mask(tmp_path / "a.json", SHAPE), expected)
-    (tmp_path / "b.csv").write_text(
+    assert_array_equal(read_mask("a.json", SHAPE), expected)
+    Path("b.csv").write_text(
         "\n\n".join("\n".join(f"{x};{y}" for x, y in ring) for ring in (BOX, other))
     )
     expected[4:6, 5:7] = True
-    assert_array_equal(read_mask(tmp_path / "b.csv", SHAPE), expected)
+    assert_array_equal(read_mask("b.csv", SHAPE), expected)
 
 
 @given(
@@ -145,45 +146,44 @@ def test_simple_polygons_as_matplotlib_has_them(points):
         ("100,100\n110,100\n110,110", "uses no pixel"),
     ],
 )
-def test_polygons_that_are_none(tmp_path, text, complaint):
-    (tmp_path / "shape.json").write_text(text)
+def test_polygons_that_are_none(here, text, complaint):
+    Path("shape.json").write_text(text)
     with refusal(complaint) as caught:
-        read_mask(tmp_path / "shape.json", SHAPE)
+        read_mask("shape.json", SHAPE)
     assert "shape.json" in str(caught.value)
 
 
-def test_damaged_and_black_pictures(tmp_path):
-    path = png(tmp_path, np.random.default_rng(0).integers(0, 255, SHAPE).astype("u1"))
+def test_damaged_and_black_pictures(here):
+    path = png(np.random.default_rng(0).integers(0, 255, SHAPE).astype("u1"))
     path.write_bytes(path.read_bytes()[:200])
     with refusal("not a whole picture"):
         read_mask(path, SHAPE)
     with refusal("uses no pixel"):
-        read_mask(png(tmp_path, np.zeros(SHAPE, "u1")), SHAPE)
+        read_mask(png(np.zeros(SHAPE, "u1")), SHAPE)
 
 
-def test_spots(tmp_path):
+def test_spots(here):
     values = image()
     values[3, 4, 1] = np.nan
-    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    cube = open_cube(envi(values, dtype="f4"))
     spot = read_spot(cube, "4,3")
     assert_allclose(spot.reflectance, values[3, 4], atol=1e-6)
     assert spot.pixels == 1
     assert np.isnan(spot.deviation).all()
-    spot = read_spot(cube, " 2:9, 1:6 ")
-    part = values[1:6, 2:9].reshape(-1, BANDS)
-    assert_allclose(spot.reflectance, np.nanmean(part, 0), atol=1e-6)
-    assert_allclose(spot.deviation, np.nanstd(part, 0, ddof=1), atol=1e-6)
-    assert spot.pixels == 35
-    assert_array_equal(spot.wavelengths, cube["wavelength"])
-    used = np.random.default_rng(0).random(SHAPE) < 0.3
-    spot = read_spot(cube, png(tmp_path, used))
-    assert_allclose(spot.reflectance, np.nanmean(values[used], 0), atol=1e-6)
-    assert_allclose(spot.deviation, np.nanstd(values[used], 0, ddof=1), atol=1e-6)
+    for place, pixels in (
+        (" 2:9, 1:6 ", values[1:6, 2:9].reshape(-1, BANDS)),
+        (png(USED), values[USED]),
+    ):
+        spot = read_spot(cube, place)
+        assert_allclose(spot.reflectance, np.nanmean(pixels, 0), atol=1e-6)
+        assert_allclose(spot.deviation, np.nanstd(pixels, 0, ddof=1), atol=1e-6)
+        assert spot.pixels == len(pixels)
+        assert_array_equal(spot.wavelengths, cube["wavelength"])
 
 
-def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
+def test_spots_in_parts_and_near_one_value(here, monkeypatch):
     values = 0.7 + 1e-5 * IMAGE
-    cube = open_cube(envi(tmp_path, values, dtype="f8"))
+    cube = open_cube(envi(values, dtype="f8"))
     monkeypatch.setattr("glazejax.io.cubes.regions._AT_ONCE", SAMPLES * BANDS)
     spot = read_spot(cube, f"0:{SAMPLES},0:{LINES}")
     part = values.astype("f4").reshape(-1, BANDS).astype(float)
@@ -191,15 +191,15 @@ def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
     assert_allclose(spot.deviation, part.std(0, ddof=1), rtol=1e-6)
 
 
-def test_spots_leave_saturated_readings_out(tmp_path):
-    spot = read_spot(open_cube(bright_image(tmp_path)), "6:8,5")
+def test_spots_leave_saturated_readings_out(here):
+    spot = read_spot(open_cube(bright_image()), "6:8,5")
     assert_allclose(spot.reflectance[2], IMAGE[5, 7, 2], atol=1e-6)
 
 
-def test_spots_elsewhere(tmp_path):
+def test_spots_elsewhere(here):
     values = image()
     values[3, 4] = np.nan
-    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    cube = open_cube(envi(values, dtype="f4"))
     with refusal(f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
         read_spot(cube, f"{SAMPLES},2")
     with refusal("does not lie in the image"):
@@ -210,14 +210,14 @@ def test_spots_elsewhere(tmp_path):
         read_spot(cube, "here")
 
 
-def test_hash_follows_header_data_and_nothing_else(tmp_path):
-    path = envi(tmp_path)
+def test_hash_follows_header_data_and_nothing_else(here):
+    path = envi()
     first = quick_source_hash(path)
     assert quick_source_hash(path.with_suffix(".img")) == first
-    (tmp_path / "other").mkdir()
+    Path("other").mkdir()
     for file in (path, path.with_suffix(".img")):
-        shutil.copy(file, tmp_path / "other" / file.name)
-    assert quick_source_hash(tmp_path / "other" / "image.hdr") == first
+        shutil.copy(file, "other")
+    assert quick_source_hash("other/image.hdr") == first
     path.write_text(path.read_text() + "; a remark\n")
     second = quick_source_hash(path)
     raw = np.memmap(path.with_suffix(".img"), "u1", "r+")
@@ -232,8 +232,8 @@ def overwrite(path, place, content):
         file.write(content)
 
 
-def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
-    big = tmp_path / "big.npy"
+def test_hash_of_a_large_file_and_of_a_folder(here):
+    big = Path("big.npy")
     with big.open("wb") as file:
         file.truncate(10 << 30)
     hashes = {quick_source_hash(big)}
@@ -242,35 +242,35 @@ def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
         overwrite(big, place, b"x" * count)
         hashes.add(quick_source_hash(big))
     assert len(hashes) == 4
-    path = zarr(tmp_path, labelled(IMAGE))
+    path = zarr(labelled(IMAGE))
     first = quick_source_hash(path)
     assert quick_source_hash(path) == first
     metadata = path / "zarr.json"
     metadata.write_text(metadata.read_text() + " ")
     assert quick_source_hash(path) != first
     with pytest.raises(FileNotFoundError):
-        quick_source_hash(tmp_path / "none")
+        quick_source_hash("none")
 
 
 @pytest.mark.parametrize("size", [10, 1 << 20])
-def test_hash_of_a_folder_follows_all_its_files(tmp_path, size):
+def test_hash_of_a_folder_follows_all_its_files(here, size):
     for number in range(9):
-        (tmp_path / f"band{number}").write_bytes(bytes([number]) * size)
-    first = quick_source_hash(tmp_path)
+        Path(f"band{number}").write_bytes(bytes([number]) * size)
+    first = quick_source_hash(here)
     for number in range(9):
-        file = tmp_path / f"band{number}"
+        file = Path(f"band{number}")
         file.write_bytes(b"x" * size)
-        assert quick_source_hash(tmp_path) != first
+        assert quick_source_hash(here) != first
         file.write_bytes(bytes([number]) * size)
-    assert quick_source_hash(tmp_path) == first
+    assert quick_source_hash(here) == first
 
 
-def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
-    header = envi(tmp_path)
+def test_hash_and_time_of_an_image_beside_the_header_of_another(here):
+    header = envi()
     other = header.with_suffix(".nc")
     with h5py.File(other, "w") as file:
         file["cube"] = IMAGE
-    alone = tmp_path / "alone" / other.name
+    alone = Path("alone", other.name)
     alone.parent.mkdir()
     shutil.copy(other, alone)
     assert quick_source_hash(other) == quick_source_hash(alone)
@@ -279,14 +279,14 @@ def test_hash_and_time_of_an_image_beside_the_header_of_another(tmp_path):
     assert time_of_change(header) == 2**61
 
 
-def test_time_of_change_is_that_of_the_newest_file(tmp_path):
-    header = envi(tmp_path)
+def test_time_of_change_is_that_of_the_newest_file(here):
+    header = envi()
     for file, time in ((header, 5_000), (header.with_suffix(".img"), 7_000)):
         os.utime(file, ns=(0, time))
     assert time_of_change(header) == time_of_change(header.with_suffix(".img")) == 7_000
-    path = zarr(tmp_path, labelled(IMAGE))
+    path = zarr(labelled(IMAGE))
     file = max(path.rglob("c/*"))
     os.utime(file, ns=(0, 2**61))
     assert time_of_change(path) == 2**61
     with pytest.raises(FileNotFoundError):
-        time_of_change(tmp_path / "none")
+        time_of_change("none")

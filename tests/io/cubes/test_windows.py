@@ -74,12 +74,12 @@ def test_windows_bins_and_slices_are_those_of_numpy(files, data, kind):
     cube = open_cube(**files[kind], window=(y0, y1, x0, x1), binning=each)
     expected = binned(gappy()[y0:y1, x0:x1], each)
     assert cube.shape == expected.shape
-    assert_allclose(cube.values, expected, rtol=0, atol=3e-7)
+    assert_allclose(cube, expected, rtol=0, atol=3e-7)
     key = tuple(data.draw(parts(n)) for n in expected.shape)
     part = cube.isel(dict(zip(cube.dims, key, strict=True)))
     for axis in (2, 1, 0):  # one axis at a time, as xarray does
         expected = expected[(slice(None),) * axis + (key[axis],)]
-    assert_allclose(part.values, expected, rtol=0, atol=3e-7)
+    assert_allclose(part, expected, rtol=0, atol=3e-7)
     if kind in ("envi", "npy", "hdf5", "tiff"):
         assert_allclose(cube["y"], y0 + (np.arange(cube.shape[0]) + 0.5) * each[0])
         assert_allclose(cube["x"], x0 + (np.arange(cube.shape[1]) + 0.5) * each[1])
@@ -112,7 +112,7 @@ def test_scattered_points(files, data, kind, each):
     y, x, band = (
         xr.DataArray([pair[i] for pair in pairs], dims="point").astype(int) for i in range(3)
     )
-    assert_allclose(cube.isel(y=y, x=x).values, expected[y.values, x.values], atol=3e-7)
+    assert_allclose(cube.isel(y=y, x=x), expected[y.values, x.values], atol=3e-7)
     three = cube.isel(y=y, x=x, wavelength=band).values
     assert_allclose(three, expected[y.values, x.values, band.values], atol=3e-7)
     across = xr.DataArray(x.values, dims="other")
@@ -146,13 +146,13 @@ def test_sources_and_cubes_can_be_sent(files, kind):
     assert again == source
     assert hash(again) == hash(source)
     assert_allclose(again.open().values, expected, atol=1e-6)
-    assert_allclose(open_again.values, expected, atol=1e-6)
+    assert_allclose(open_again, expected, atol=1e-6)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
-def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleave):
-    path = holes(tmp_path, interleave, 8000, 2000, range(400, 1000, 3))  # 6 GB
+def test_a_window_of_a_large_image_takes_its_own_memory_only(here, interleave):
+    path = holes(interleave, 8000, 2000, range(400, 1000, 3))  # 6 GB
     tracemalloc.start()
     cube = open_cube(path)
     opening = tracemalloc.get_traced_memory()[1]
@@ -184,8 +184,8 @@ def mapped_now():
 
 
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
-def test_a_mapped_file_does_not_pile_up_in_memory(tmp_path, interleave):
-    cube = open_cube(holes(tmp_path, interleave, 900, 900, range(400, 1000, 6)))
+def test_a_mapped_file_does_not_pile_up_in_memory(here, interleave):
+    cube = open_cube(holes(interleave, 900, 900, range(400, 1000, 6)))
     before, most = mapped_now(), 0
     for x in range(0, 900, 300):
         for y in range(0, 900, 300):
@@ -195,34 +195,32 @@ def test_a_mapped_file_does_not_pile_up_in_memory(tmp_path, interleave):
 
 
 @pytest.mark.parametrize("kind", ["zarr", "netcdf", "tiff", "pages"])
-def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
+def test_a_window_reads_its_own_chunks_only(here, kind):
     values = np.random.default_rng(0).random((256, 256, BANDS), np.float32)
     values[0, 0] = 0.5
     if kind == "zarr":
-        path = zarr(
-            tmp_path, labelled(values), encoding={"reflectance": {"chunks": (32, 32, BANDS)}}
-        )
+        path = zarr(labelled(values), encoding={"reflectance": {"chunks": (32, 32, BANDS)}})
     elif kind == "netcdf":
-        path = tmp_path / "a.nc"
+        path = Path("a.nc")
         chunks = {"chunksizes": (32, 32, BANDS), "zlib": True}
         labelled(values).to_netcdf(path, engine="h5netcdf", encoding={"reflectance": chunks})
     else:
         pieces: dict = {"tile": (32, 32)} if kind == "tiff" else {"rowsperstrip": 32}
-        path = tiff(tmp_path, values, pages=True, compression="zlib", **pieces)
+        path = tiff(values, pages=True, compression="zlib", **pieces)
     cube = open_cube(path, scale=1)
     cube.isel(y=0, x=0).load()  # opens the file
     before = counted("io", "rchar: ")
-    assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64])
+    assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)), values[64:128, 32:64])
     part = counted("io", "rchar: ") - before
     # Two chunks of 28 kB, or two strips of eight chunks' width; a little is the system's own.
     assert part < (8 if kind == "pages" else 1) * 2 * 32 * 32 * BANDS * 4 * 1.3 + 10_000
     assert part < 0.3 * values.nbytes
 
 
-def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
+def test_pieces_that_a_file_stores_are_read_once(here, monkeypatch):
     """Strips of the reader end where chunks do."""
     values = image(lines=200, samples=400)
-    path = tmp_path / "a.h5"
+    path = Path("a.h5")
     with h5py.File(path, "w") as file:
         file.create_dataset("cube", data=values, chunks=(70, 400, BANDS))
     cube = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400))
@@ -234,9 +232,9 @@ def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
         (70, 140),
         (140, 190),
     ]
-    assert_allclose(cube.values, values[30:190], atol=1e-6)
+    assert_allclose(cube, values[30:190], atol=1e-6)
     coarse = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400), binning=(3, 2, 1))
-    assert_allclose(coarse.values, binned(values[30:190], (3, 2, 1)), atol=1e-6)
+    assert_allclose(coarse, binned(values[30:190], (3, 2, 1)), atol=1e-6)
 
 
 def test_nothing_is_read_before_it_is_asked_for(files, monkeypatch):
