@@ -23,7 +23,7 @@ from glazefit.mapping.store.store import open_map
 
 from ..refusals import refusal
 from .test_store import same
-from .toy import WINDOWS, Toy, run_chunks
+from .toy import WINDOWS, Toy, local_cluster, run_chunks
 
 distributed = pytest.importorskip("distributed")
 
@@ -32,13 +32,7 @@ distributed = pytest.importorskip("distributed")
 def client():
     """Two worker processes on this machine."""
     with (
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            dashboard_address=None,
-            host="127.0.0.1",
-            silence_logs=60,
-        ) as cluster,
+        local_cluster(2, processes=True) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         yield client
@@ -115,25 +109,22 @@ class Failing:
 
 def test_a_piece_that_fails_is_tried_again_but_not_for_ever(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
-    tries = tmp_path / "tries"
-    tries.mkdir()
-    finish(["a", "b", "c"], Failing(str(tries), 2), results.done(), results.put, client)
+    finish(["a", "b", "c"], Failing(str(tmp_path), 2), results.done(), results.put, client)
     assert results.done() == {"a", "b", "c"}
-    assert len(list(tries.glob("b-*"))) == 3
+    assert len(list(tmp_path.glob("b-*"))) == 3
     other = KeyedResults(tmp_path / "other")
     with refusal("stumbled"):
-        finish(["a", "b", "c"], Failing(str(tries), 99), other.done(), other.put, client)
+        finish(["a", "b", "c"], Failing(str(tmp_path), 99), other.done(), other.put, client)
     assert "b" not in other.done()
 
 
 @pytest.mark.slow
 def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
-    (tmp_path / "tries").mkdir()
     with refusal("took on b died one after another: have they enough memory", RuntimeError):
         finish(
             ["a", "b"],
-            Failing(str(tmp_path / "tries"), 99, kills=True),
+            Failing(str(tmp_path), 99, kills=True),
             results.done(),
             results.put,
             client,
@@ -142,13 +133,7 @@ def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
 
 def test_a_cluster_that_is_lost_ends_in_a_sentence(store, undisturbed):
     with (
-        distributed.LocalCluster(
-            n_workers=1,
-            threads_per_worker=1,
-            processes=False,
-            dashboard_address=None,
-            silence_logs=60,
-        ) as cluster,
+        local_cluster() as cluster,
         connect(cluster.scheduler_address, seconds=1) as client,
     ):
         assert client is not None
@@ -171,9 +156,7 @@ def test_a_cluster_that_is_lost_ends_in_a_sentence(store, undisturbed):
 def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr("glazefit.mapping.store.cluster._PATIENCE", 0.2)
     with (
-        distributed.LocalCluster(
-            n_workers=0, processes=False, dashboard_address=None, silence_logs=60
-        ) as cluster,
+        local_cluster(0) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
         refusal("has no workers; start some", RuntimeError),
     ):

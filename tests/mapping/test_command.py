@@ -25,7 +25,7 @@ from glazefit.mapping.store.store import MapStore, open_map
 from glazejax import catalogue
 from tests.commands import invoke
 from tests.io.cubes.images import envi
-from tests.mapping.toy import empty_arrays, run_chunks
+from tests.mapping.toy import empty_arrays, local_cluster, run_chunks
 
 GRID = np.arange(400.0, 701.0, 30.0)
 SHAPE, CHUNK = (12, 10), (4, 10)
@@ -36,7 +36,16 @@ ONE = (*OILS, "--only", "ZincWhite")
 TWO = (*OILS, "--only", "ZincWhite,Eosin")
 
 
+pytestmark = pytest.mark.usefixtures("here")
 run = functools.partial(invoke, "map")
+
+
+def fail(complaint, *words):
+    """Assert that a command ends with an error of one line in which this stands."""
+    done = run(*words)
+    assert isinstance(done.exception, ValueError | OSError), done.output
+    assert complaint in str(done.exception)
+    assert "\n" not in str(done.exception)
 
 
 def succeed(*words):
@@ -44,11 +53,6 @@ def succeed(*words):
     done = run(*words)
     assert done.exception is None, done.output
     return done
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +63,7 @@ def cube(tmp_path_factory) -> Path:
     values[0, 5, 3] = np.nan
     units = {"wavelength units": "Nanometers"}
     folder = tmp_path_factory.mktemp("cube")
-    return envi(folder, values, dtype="f4", name="panel", wavelengths=GRID, **units)
+    return envi(values, folder=folder, dtype="f4", name="panel", wavelengths=GRID, **units)
 
 
 @dataclass(frozen=True)
@@ -186,10 +190,7 @@ def mapped(monkeypatch) -> list[dict]:
     ],
 )
 def test_bad_options_end_in_one_sentence(arguments, complaint, mapped):
-    done = run(*arguments.split())
-    assert isinstance(done.exception, ValueError | OSError), done.output
-    assert complaint in str(done.exception)
-    assert "\n" not in str(done.exception)
+    fail(complaint, *arguments.split())
     assert not os.listdir()
     assert not mapped
 
@@ -217,14 +218,13 @@ def test_bad_options_end_in_one_sentence(arguments, complaint, mapped):
     ],
 )
 def test_no_file_that_is_read_is_replaced(files, arguments, complaint, mapped):
-    for file in map(Path, files.split()):
+    kept = {Path(file) for file in files.split()}
+    for file in kept:
         file.parent.mkdir(exist_ok=True)
         file.write_text("kept")
-    done = run(*arguments.split(), "--opaque", "--overwrite")
-    assert isinstance(done.exception, ValueError), done.output
-    assert complaint in str(done.exception)
-    assert {file for file in Path().rglob("*") if file.is_file()} == {*map(Path, files.split())}
-    assert all(Path(file).read_text() == "kept" for file in files.split())
+    fail(complaint, *arguments.split(), "--opaque", "--overwrite")
+    assert {file for file in Path().rglob("*") if file.is_file()} == kept
+    assert {file.read_text() for file in kept} == {"kept"}
     assert not mapped
 
 
@@ -295,8 +295,8 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(
             run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError
         )
     succeed(cube, "--ground", "0.9", *TWO, "--out", "panel.zarr")
-    other = run(cube, "--ground", "0.9", *ONE, "--out", "panel.zarr")
-    assert "was begun with other options (paints: " in str(other.exception)
+    words = ("--ground", "0.9", *ONE, "--out", "panel.zarr")
+    fail("was begun with other options (paints: ", cube, *words)
     succeed(cube, "--ground", "0.9", *OILS, "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
     assert open_map("panel.zarr").paint.values.tolist() == ["ZincWhite", "BoneBlack"]
 
@@ -357,8 +357,7 @@ def test_ground_and_spots_are_measured_in_the_cube(cube, mapped):
         (["--opaque", "--spot", "ZincWhite=2,2"], "a paint 'ZincWhite' already"),
         (["--opaque", "--spot", "A=none.png"], "neither a place such as"),
     ):
-        failed = run(cube, "--out", "other.zarr", *ONE, *words)
-        assert complaint in str(failed.exception)
+        fail(complaint, cube, "--out", "other.zarr", *ONE, *words)
 
 
 def test_a_ground_needs_to_be_known_only_where_paints_are(cube, mapped):
@@ -378,10 +377,8 @@ def test_a_ground_needs_to_be_known_only_where_paints_are(cube, mapped):
 
 
 def test_a_dask_scheduler_is_asked(cube, mapped):
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, processes=False, dashboard_address=None, silence_logs=60
-    ) as cluster:
+    pytest.importorskip("distributed")
+    with local_cluster() as cluster:
         succeed(cube, "--opaque", *TWO, "--scheduler", cluster.scheduler_address)
         assert mapped[0]["client"].status == "closed"
     assert int((open_map("map.zarr").status == Status.MAPPED).sum()) == 110

@@ -4,14 +4,12 @@ import json
 import os
 import pickle
 import shutil
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 
-from glazefit.mapping.store.chunk import ChunkMaps
 from glazefit.mapping.store.export import export_map
 from glazefit.mapping.store.layout import Status
 from glazefit.mapping.store.store import DamagedWindow, MapStore, open_map
@@ -19,7 +17,7 @@ from glazefit.mapping.store.windows import Window
 
 from ..refusals import refusal
 from .test_store import same
-from .toy import WINDOWS, Toy, run_chunks, store_at
+from .toy import WINDOWS, Counted, Toy, run_chunks, store_at
 
 # Of the second row and column of windows.
 WINDOW = Window(16, 32, 20, 40)
@@ -57,17 +55,6 @@ def check_again(path, whole, match: str, solver: Toy) -> int:
         run_chunks(store_at(path), solver)
     same(MapStore(path), whole)
     return len(warned)
-
-
-@dataclass(frozen=True)
-class Counted(Toy):
-    """Keeps what it was asked for."""
-
-    asked: list[Window] = field(default_factory=list)
-
-    def solve(self, window: Window) -> ChunkMaps:
-        self.asked.append(window)
-        return super().solve(window)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,8 +59,8 @@ def store(tmp_path_factory) -> MapStore:
     return store
 
 
-def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
-    (path,) = export_map(store.path, tmp_path / "map.nc")
+def test_netcdf_holds_all_that_the_map_holds(store, here):
+    (path,) = export_map(store.path, "map.nc")
     ours = open_map(store.path)
     with xarray.open_dataset(path, engine="h5netcdf", mask_and_scale=False) as theirs:
         for variable in VARIABLES:
@@ -79,7 +80,7 @@ def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
         assert theirs.members.dtype == np.int16
 
 
-def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_path):
+def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, here):
     ours = open_map(store.path)
     names = set_labels(ours)
     assert names.dims == ("y", "x")
@@ -94,7 +95,7 @@ def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_pa
         there = (ours.members.values == members).all(axis=-1)
         assert there.any()
         assert set(names.values[there]) == {words}
-    (path,) = export_map(store.path, tmp_path / "map.nc")
+    (path,) = export_map(store.path, "map.nc")
     for options in ({}, {"mask_and_scale": False}, {"chunks": {"y": 16}}):
         with xarray.open_dataset(path, engine="h5netcdf", **options) as theirs:
             assert_array_equal(set_labels(theirs).values, names.values)
@@ -133,9 +134,9 @@ def planes(store: MapStore) -> dict[str, np.ndarray]:
     return mapped | {"status": status.astype(float)}
 
 
-def test_envi_reads_back_in_another_program(store, tmp_path):
+def test_envi_reads_back_in_another_program(store, here):
     spectral = pytest.importorskip("spectral")
-    header, data = export_map(store.path, tmp_path / "map.hdr")
+    header, data = export_map(store.path, "map.hdr")
     assert (header.name, data.name) == ("map.hdr", "map.img")
     image = spectral.envi.open(header, data)
     names = image.metadata["band names"]
@@ -151,12 +152,12 @@ def test_envi_reads_back_in_another_program(store, tmp_path):
     assert image.metadata["coordinate system string"] == ['PROJCS["UTM"]']
 
 
-def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
+def test_a_turned_image_and_bare_pixels_keep_what_is_sure(here):
     for info, coords, expected in (
         (PLACE.replace("0.00", "30"), COORDS, "pixel size = { 0.25, 0.5, units=metre }"),
         (PLACE, {}, None),
     ):
-        path = tmp_path / f"{len(coords)}.zarr"
+        path = f"{len(coords)}.zarr"
         store = store_at(
             path,
             shape=(2, 2),
@@ -164,36 +165,36 @@ def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
             attrs={"map_info": info},
             coords={name: (v[:2], a) for name, (v, a) in coords.items()},
         )
-        header, _ = export_map(store.path, tmp_path / f"{len(coords)}.img")
+        header, _ = export_map(store.path, f"{len(coords)}.img")
         text = header.read_text()
         assert "map info" not in text
         assert expected is None or expected in text.splitlines()
 
 
-def test_files_are_checked_before(store, tmp_path):
+def test_files_are_checked_before(store, here):
     for name in ("map.tif", "map"):
         with refusal(r"--export .*NetCDF \(.nc\) or ENVI"):
-            check_export(tmp_path / name, argument="--export")
-    (tmp_path / "map.img").touch()
+            check_export(name, argument="--export")
+    Path("map.img").touch()
     with refusal(r"map\.img exists", FileExistsError):
-        export_map(store.path, tmp_path / "map.hdr")
+        export_map(store.path, "map.hdr")
     with pytest.raises(FileNotFoundError):
-        export_map(store.path, tmp_path / "none" / "map.nc")
-    export_map(store.path, tmp_path / "map.hdr", overwrite=True)
-    assert sorted(os.listdir(tmp_path)) == ["map.hdr", "map.img"]
+        export_map(store.path, "none/map.nc")
+    export_map(store.path, "map.hdr", overwrite=True)
+    assert sorted(os.listdir()) == ["map.hdr", "map.img"]
 
 
 @pytest.mark.parametrize("name", ["map.nc", "map.hdr", "map.bsq"])
-def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
+def test_a_full_disk_leaves_no_half_file(store, here, monkeypatch, name):
     monkeypatch.setattr("glazefit.mapping.store.export._bands", full)
     monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
     with refusal("the disk is full; the map itself is kept", OSError):
-        export_map(store.path, tmp_path / name)
-    assert not os.listdir(tmp_path)
+        export_map(store.path, name)
+    assert not os.listdir()
 
 
-def test_progress_is_told(store, tmp_path):
+def test_progress_is_told(store, here):
     told = Said()
-    export_map(store.path, tmp_path / "map.bsq", progress=told)
+    export_map(store.path, "map.bsq", progress=told)
     assert told == [(number + 1, WINDOWS, "writing the bands") for number in range(WINDOWS)]
-    assert sorted(os.listdir(tmp_path)) == ["map.bsq", "map.hdr"]
+    assert sorted(os.listdir()) == ["map.bsq", "map.hdr"]

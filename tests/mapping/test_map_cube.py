@@ -23,10 +23,15 @@ from tests.io.cubes.images import envi
 from tests.mapping import small
 
 from ..refusals import refusal
-from .toy import Said
+from .toy import Said, local_cluster, store_at
 
 NOISE = Noise(0.003, 0.0003)
+GRID = np.linspace(400.0, 700.0, 31)
 FEW = [small.paints()[small.PAINTS.index(name)] for name in small.FEW]
+
+
+class Stopped(Exception):
+    """What ends a run before its map is whole."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -169,9 +174,6 @@ def test_a_second_run_does_nothing_again(made, cube, options: dict[str, Any], mo
 
 @pytest.mark.slow
 def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, map_of):
-    class Stopped(Exception):
-        pass
-
     def stop_at(stage, done):
         def stop(parts, total, words):
             if words == stage and parts >= done:
@@ -190,9 +192,7 @@ def test_a_cluster_gives_the_same_map(made, cube, map_of):
     """In double precision, whose digits must arrive on the workers, and in the same pieces."""
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=":0"
-        ) as cluster,
+        local_cluster(2, processes=True) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         found = map_of(cube, FEW, client=client)
@@ -206,8 +206,8 @@ def test_spectra_far_from_all_others_are_searched(cube, map_of, monkeypatch):
     spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
     spectra = spectra + 0.001 * np.random.default_rng(1).standard_normal(spectra.shape).astype("f4")
     spectra[10, 20:30] = cube.values[15, 30]
-    grid = cube["wavelength"].values
-    found = map_of(small.image(spectra, grid), small.paints(), mask=None, max_paints=1)
+    strokes = small.image(spectra, cube["wavelength"].values)
+    found = map_of(strokes, small.paints(), mask=None, max_paints=1)
     way = found["way"].values
     assert (way[10, 20:30] == Way.SEARCHED).any()
     assert np.isin(way[10, 20:30], (Way.SEARCHED, Way.NEIGHBOUR)).all()
@@ -229,9 +229,8 @@ def test_a_window_that_the_mask_leaves_out_is_empty(cube, map_of, monkeypatch):
 
 @pytest.mark.slow
 def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
-    grid = cube["wavelength"].values
     found = map_cube(
-        small.image(cube.values[4:10, 4:12], grid),
+        cube[4:10, 4:12],
         small.paints(),
         opaque=True,
         out=tmp_path / "map",
@@ -245,24 +244,21 @@ def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
 
 def test_a_spot_is_a_paint_whose_hiding_film_reads_the_spot():
     seen_by = resolve_instrument()
-    grid = np.linspace(400.0, 700.0, 31)
-    spectrum = 0.1 + 0.5 / (1 + np.exp(-(grid - 560) / 20))
-    paint = spot_pigment("Stroke", grid, spectrum, small.paints(), seen_by)
+    spectrum = 0.1 + 0.5 / (1 + np.exp(-(GRID - 560) / 20))
+    paint = spot_pigment("Stroke", GRID, spectrum, small.paints(), seen_by)
     film = reflectance(Glaze([Layer(paint, 0.01)], 0.0, 1.5), Hemispherical())
     assert_allclose(film, spectrum, atol=2e-3)
     assert paint.absorption_sd is not None
-    with refusal(r"reads 1\.5"):
-        spot_pigment("Glare", grid, np.full(31, 1.5), small.paints(), seen_by)
-    with refusal("has 5 readings"):
-        spot_pigment("Short", grid, np.full(5, 0.5), small.paints(), seen_by)
+    for wrong, words in ((np.full(31, 1.5), r"reads 1\.5"), (np.full(5, 0.5), "has 5 readings")):
+        with refusal(words):
+            spot_pigment("Wrong", GRID, wrong, small.paints(), seen_by)
 
 
 @pytest.mark.slow
 def test_a_spot_of_the_image_is_found_in_it(cube, tmp_path):
-    grid = cube["wavelength"].values
     spectrum = cube.values[15, 30].astype(float)
     found = map_cube(
-        small.image(cube.values[14:16, 28:32], grid),
+        cube[14:16, 28:32],
         small.paints()[:3],
         out=tmp_path / "map",
         spots={"Stroke": spectrum},
@@ -285,39 +281,39 @@ def test_a_spot_of_the_image_is_found_in_it(cube, tmp_path):
         ({"max_paints": 4}, "max_paints is 4"),
         ({"mask": np.zeros((24, 40), bool)}, "no pixel that can be mapped"),
         ({"memory": 2**20}, "memory bound is 1 MiB; with .* it must be at least"),
+        (
+            {"image": xarray.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "band")), "mask": None},
+            "dimensions y, x, wavelength",
+        ),
+        ({"image": small.image(np.zeros((3, 4, 31)), GRID / 1000), "mask": None}, "in nm"),
+        (
+            {
+                "image": small.image(np.full((6, 8, 31), np.nan), GRID),
+                "mask": None,
+                "noise": None,
+                "ground": 0.5,
+            },
+            r"no pixel that can be mapped .* 48 no data",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said(cube, map_of, change, words):
     with refusal(words):
-        map_of(cube, small.paints(), **change)
-
-
-def test_an_image_that_is_none_is_said(map_of):
-    turned = xarray.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "band"))
-    with refusal("dimensions y, x, wavelength"):
-        map_of(turned, small.paints(), mask=None)
-    metres = small.image(np.zeros((3, 4, 5)), np.linspace(0.4, 0.7, 5))
-    with refusal("in nm"):
-        map_of(metres, small.paints(), mask=None)
-    nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
-    with refusal(r"no pixel that can be mapped .* 48 no data"):
-        map_of(nothing, small.paints(), mask=None, noise=None, ground=0.5)
+        map_of(**{"image": cube, "paints": small.paints()} | change)
 
 
 def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     """Whatever changed in it, the image or its white, and when."""
-    grid = np.linspace(400.0, 700.0, 31)
     path = tmp_path / "cube.npy"
     white = tmp_path / "white.npy"
     np.save(path, np.full((200, 200, 31), 0.4, "f4"))
     np.save(white, np.full(31, 0.9, "f4"))
-    source = CubeSource(path, wavelengths=tuple(grid.tolist()), white=white)
-    given = dict(options, mask=None, max_paints=1, ground=0.5)
-    made: dict = {"shape": (200, 200), "chunk": (200, 200), "paints": small.PAINTS}
+    source = CubeSource(path, wavelengths=tuple(GRID.tolist()), white=white)
+    asked = options | {"mask": None, "max_paints": 1, "ground": 0.5}
 
     def begin() -> MapStore:
-        task = map_task(source, small.paints(), **given)
-        return MapStore.create(tmp_path / "map", **made, options=task.options)
+        task = map_task(source, small.paints(), **asked)
+        return store_at(tmp_path / "map", options=task.options)
 
     begin()
     begin()
@@ -338,7 +334,7 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
 @pytest.mark.parametrize(
     "change",
     [
-        {"wavelengths": np.linspace(410.0, 710.0, 31)},
+        {"wavelengths": GRID + 10.0},
         {"absorption_sd": np.full(31, 0.2)},
         {"scattering_sd": np.full(31, 0.1)},
         {"error_modes": np.full((1, 2, 31), 0.1)},
@@ -347,30 +343,26 @@ def test_an_image_that_changed_is_another(options: dict[str, Any], tmp_path):
     ],
 )
 def test_a_paint_that_changed_is_another(change: dict[str, Any]):
-    grid = np.linspace(400.0, 700.0, 31)
-    image = small.image(np.full((2, 2, 31), 0.4, "f4"), grid)
+    image = small.image(np.full((2, 2, 31), 0.4, "f4"), GRID)
     usual: dict[str, Any] = {
         "name": "Paint",
-        "wavelengths": grid,
+        "wavelengths": GRID,
         "absorption": np.full(31, 1.0),
         "scattering": np.full(31, 2.0),
         "absorption_sd": np.full(31, 0.1),
     }
-    further = Pigment("Other", grid, np.full(31, 2.0), np.full(31, 1.0))
+    further = Pigment("Other", GRID, np.full(31, 2.0), np.full(31, 1.0))
     kept, same, changed = (
         map_task(image, [Pigment(**described), further], opaque=True).options["catalogue"]
-        for described in (usual, dict(usual), usual | change)
+        for described in (usual, usual, usual | change)
     )
     assert kept == same
     assert kept["Paint"] != changed["Paint"]
     assert kept["Other"] == changed["Other"]
 
 
-def test_a_map_keeps_the_place_of_its_image(options: dict[str, Any], tmp_path, monkeypatch):
+def test_a_map_keeps_the_place_of_its_image(map_of, tmp_path, monkeypatch):
     """Of a part of it, with larger pixels; and as an export has it."""
-
-    class Stopped(Exception):
-        pass
 
     def stop(*_):
         raise Stopped
@@ -383,20 +375,19 @@ def test_a_map_keeps_the_place_of_its_image(options: dict[str, Any], tmp_path, m
         "map info": [*place, "units=Meters"],
         "coordinate system string": ['PROJCS["x"', "y]"],
     }
-    path = envi(tmp_path, values, dtype="f4", wavelengths=np.linspace(400.0, 700.0, 31), **fields)
+    path = envi(values, folder=tmp_path, dtype="f4", wavelengths=GRID, **fields)
     source = CubeSource(path, window=(4, 12, 6, 16), binning=(2, 2, 1))
-    out = tmp_path / "map.zarr"
     with pytest.raises(Stopped):
-        map_cube(source, FEW, out=out, **dict(options, mask=None, ground=0.5))
+        map_of(source, FEW, mask=None, ground=0.5)
     corner = "UTM, 1, 1, 500012.0, 3999988.0, 4.0, 6.0, 33, North, WGS-84, units=Meters"
-    assert open_map(out).attrs["map_info"] == corner
-    header, _ = export_map(out, tmp_path / "export.hdr")
+    assert open_map(tmp_path / "map").attrs["map_info"] == corner
+    header, _ = export_map(tmp_path / "map", tmp_path / "export.hdr")
     lines = header.read_text().splitlines()
     assert f"map info = {{ {corner} }}" in lines
     assert 'coordinate system string = { PROJCS["x",y] }' in lines
     again = envi_cube(header, None)
-    for axis, stored in (("y", again.y), ("x", again.x)):
-        assert_allclose(stored, source.open()[axis])
+    assert_allclose(again.y, source.open().y)
+    assert_allclose(again.x, source.open().x)
 
 
 def test_the_bar_moves_in_every_stage(made):

@@ -49,6 +49,11 @@ def report(made, tmp_path_factory):
     return write_report(dataset, sets, ABOUT, folder, cube=cube)
 
 
+@pytest.fixture(scope="module")
+def page(report):
+    return report.read_text(encoding="utf-8")
+
+
 GREY = small.image(np.full((64, 96, GRID.size), 0.5), GRID)
 
 
@@ -60,8 +65,8 @@ def report_of(*map_and_about, **facts):
 
 @pytest.fixture(scope="module")
 def part(made, tmp_path_factory):
-    """A map of its upper part, whose columns were answered in two ways, and its report without the
-    pictures beside it.
+    """A map of its upper part, whose columns were answered in two ways, and the page of its report
+    without the pictures beside it.
     """
     dataset, sets = made
     part = dataset.copy(deep=True)
@@ -78,7 +83,8 @@ def part(made, tmp_path_factory):
     names = [EVIL if name == "LeadWhite" else name for name in part["paint"].values]
     part = part.assign_coords(paint=names)
     about = ABOUT | {"notes": []}
-    return part, report_of(part, sets, about, tmp_path_factory.mktemp("part"))
+    report = report_of(part, sets, about, tmp_path_factory.mktemp("part"))
+    return part, report.read_text(encoding="utf-8")
 
 
 def words(page):
@@ -87,8 +93,7 @@ def words(page):
     return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page)))
 
 
-def test_the_page_is_whole_and_loads_nothing_from_elsewhere(report):
-    page = report.read_text(encoding="utf-8")
+def test_the_page_is_whole_and_loads_nothing_from_elsewhere(page):
     parsed = Parsed(page)
     loaded = [tag[name] for _, tag in parsed.tags for name in ("src", "href") if name in tag]
     assert loaded
@@ -98,8 +103,8 @@ def test_the_page_is_whole_and_loads_nothing_from_elsewhere(report):
     assert "<b>painting" not in page
 
 
-def test_what_was_said_about_the_map_stands_on_the_page(report):
-    said = words(report.read_text(encoding="utf-8"))
+def test_what_was_said_about_the_map_stands_on_the_page(page):
+    said = words(page)
     for each in (
         "Map of paints: a <b>painting</b>",
         "2026-01-02, 03:04",
@@ -117,9 +122,8 @@ def test_what_was_said_about_the_map_stands_on_the_page(report):
         assert each in said, each
 
 
-def test_sets_stand_with_their_shares_of_the_area(made, report):
+def test_sets_stand_with_their_shares_of_the_area(made, page):
     dataset, sets = made
-    page = report.read_text(encoding="utf-8")
     table = page[page.index('<table id="sets">') :]
     rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
     names = [str(name) for name in dataset["paint"].values]
@@ -203,15 +207,14 @@ def test_other_programs_open_the_sets_as_classes(made, by_family):
 
 
 def test_each_way_of_an_answer_has_its_words(part):
-    dataset, report = part
-    said = words(report.read_text(encoding="utf-8"))
+    dataset, page = part
     count = int(np.sum(dataset["status"].values[:, ::2] == Status.MAPPED))
-    assert f"From a pixel nearby that was searched, in closed form {count:,} pixels" in said
+    assert f"From a pixel nearby that was searched, in closed form {count:,} pixels" in words(page)
     assert set(_WAYS) == set(Way) - {Way.NONE}
 
 
 def test_a_paint_of_any_name_is_text(part):
-    page = part[1].read_text(encoding="utf-8")
+    page = part[1]
     assert "<b>" not in page
     # In the legend, among paints, and above the picture of its amount.
     assert words(page).count(EVIL) > 3
@@ -249,8 +252,8 @@ def test_a_file_that_is_there_is_replaced_only_if_asked_for(made, report, tmp_pa
 
 
 def test_what_was_not_mapped_is_said(part, tmp_path):
-    dataset, report = part
-    assert "Too dark 4,224 68.8 %" in words(report.read_text(encoding="utf-8"))
+    dataset, page = part
+    assert "Too dark 4,224 68.8 %" in words(page)
     dark = dataset.copy(deep=True)
     dark["status"][:] = Status.DARK
     dark.attrs["tallies"] = {"too dark": float(dark["status"].size)}
@@ -272,7 +275,7 @@ def test_a_small_spectrum_has_the_mean_at_its_height():
     assert small_spectrum(None, grid) is None
 
 
-def test_pictures_fill_their_row(report):
+def test_pictures_fill_their_row(page):
     """True colour, sets and false colour stand side by side."""
-    row = report.read_text().partition('<div class="maps three">')[2].partition("<h2>")[0]
+    row = page.partition('<div class="maps three">')[2].partition("<h2>")[0]
     assert row.count("<figure>") == 3

@@ -19,28 +19,30 @@ def two_fields():
     return truth.reshape(-1, 30), noisy.reshape(-1, 30)
 
 
+TRUTH, NOISY = two_fields()
+
+
 def test_noise_is_pooled_away_and_edges_stay_sharp():
-    truth, noisy = two_fields()
-    features = Features.of(noisy)
-    sd = np.full_like(noisy, SD)
+    features = Features.of(NOISY)
+    sd = np.full_like(NOISY, SD)
     for steps in (AROUND, ALONG):
         shape = (20, 24) if steps is AROUND else (1, 480)
-        means, reach = pooled(noisy, sd, features, shape, steps)
-        off = (means - truth).reshape(20, 24, 30)
+        means, reach = pooled(NOISY, sd, features, shape, steps)
+        off = (means - TRUTH).reshape(20, 24, 30)
         assert off.std() < SD / 2.5
         # Beside the edge as elsewhere, and on the thin line, which is like nothing around it.
         assert np.abs(off[:, 11:13].mean(axis=0)).max() < SD
         assert np.abs(off[:, 18].mean(axis=0)).max() < SD
         # What noise is left, and not the field beside, lies within a spectrum's reach.
-        apart = np.linalg.norm(features(means) - features(truth), axis=1)
+        apart = np.linalg.norm(features(means) - features(TRUTH), axis=1)
         assert (apart < reach).mean() > 0.98
-        between = np.linalg.norm(np.diff(features(truth[[0, 12]]), axis=0))
+        between = np.linalg.norm(np.diff(features(TRUTH[[0, 12]]), axis=0))
         assert np.delete(reach.reshape(20, 24), 18, axis=1).max() < between / 2
         assert reach.min() > REACH
 
 
 def test_a_pixel_that_says_nothing_is_in_no_mean():
-    _, noisy = two_fields()
+    noisy = NOISY.copy()
     noisy[50] = np.nan
     features = Features.of(np.nan_to_num(noisy, nan=0.05))
     means, _ = pooled(noisy, np.full_like(noisy, SD), features, (20, 24), AROUND)
@@ -49,9 +51,9 @@ def test_a_pixel_that_says_nothing_is_in_no_mean():
 
 
 def test_an_image_may_be_thinner_than_its_neighbourhood():
-    _, noisy = two_fields()
-    features = Features.of(noisy)
-    sd = np.full_like(noisy, SD)
-    column, _ = pooled(noisy[:5], sd[:5], features, (5, 1), AROUND)
-    row, _ = pooled(noisy[:5], sd[:5], features, (1, 5), AROUND)
+    features = Features.of(NOISY)
+    column, row = (
+        pooled(NOISY[:5], np.full((5, 30), SD, np.float32), features, shape, AROUND)[0]
+        for shape in ((5, 1), (1, 5))
+    )
     np.testing.assert_allclose(column, row, rtol=1e-6)

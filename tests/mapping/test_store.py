@@ -20,11 +20,23 @@ from glazefit.mapping.store.atomic_files import KeyedResults
 from glazefit.mapping.store.chunk import ChunkMaps, pack
 from glazefit.mapping.store.layout import VARIABLES, Status
 from glazefit.mapping.store.store import MapStore, open_map
-from glazefit.mapping.store.windows import Window, chunk_shape, windows
+from glazefit.mapping.store.windows import chunk_shape, windows
 
 from ..refusals import refusal
 from ..slow import slow
-from .toy import BANDS, CHUNK, PAINTS, WINDOWS, Said, Toy, full, run_chunks, start_run, store_at
+from .toy import (
+    BANDS,
+    CHUNK,
+    PAINTS,
+    WINDOWS,
+    Counted,
+    Said,
+    Toy,
+    full,
+    run_chunks,
+    start_run,
+    store_at,
+)
 
 
 def sums_of(store):
@@ -116,24 +128,14 @@ def test_a_thickness_is_as_sure_as_the_prior_holds_it():
 
 
 def test_a_run_goes_on_with_what_is_not_done(store, undisturbed):
-    class Counted(Toy):
-        asked: list[Window] = []  # noqa: RUF012
-
-        def solve(self, window):
-            if len(self.asked) == 3:
-                raise KeyboardInterrupt
-            self.asked.append(window)
-            return super().solve(window)
-
+    first, second = Counted(most=3), Counted(most=3)
     with pytest.raises(KeyboardInterrupt):
-        run_chunks(store, Counted())
-    assert store.done() == set(Counted.asked)
-    before = set(Counted.asked)
-    Counted.asked = []
+        run_chunks(store, first)
+    assert store.done() == set(first.asked)
     said = Said()
     with pytest.raises(KeyboardInterrupt):
-        run_chunks(store_at(store.path), Counted(), progress=said)
-    assert not set(Counted.asked) & before
+        run_chunks(store_at(store.path), second, progress=said)
+    assert not set(first.asked) & set(second.asked)
     assert said == [(done, WINDOWS, "mapping") for done in range(3, 7)]
     run_chunks(store_at(store.path), Toy())
     same(store, undisturbed)

@@ -8,7 +8,6 @@ from glazefit.mapping.solve.features import Features, choose_representatives, sp
 from glazefit.mapping.solve.image import Image, working_bands
 from glazefit.mapping.solve.survey import survey
 from glazefit.mapping.store.atomic_files import KeyedResults
-from glazejax import Pigment
 from glazejax.progress import no_progress
 from tests.mapping import small
 
@@ -71,8 +70,6 @@ def test_light_counts_once_where_the_level_of_a_spectrum_says_little():
 def test_noise_is_that_of_the_bands_that_a_map_uses(tmp_path):
     rng = np.random.default_rng(0)
     grid = np.arange(400.0, 1001.0, 10.0)
-    known = np.arange(380.0, 781.0, 10.0)
-    paint = Pigment("Paint", known, np.full(known.size, 1e3), np.full(known.size, 1e5))
     smooth = 0.3 + 0.2 * np.sin(grid / 100.0) + 0.1 * rng.random((30, 30, 1))
     clean = (smooth + 0.005 * rng.standard_normal(smooth.shape)).astype("f4")
     noisy = clean.copy()
@@ -82,7 +79,7 @@ def test_noise_is_that_of_the_bands_that_a_map_uses(tmp_path):
     empty[..., -1] = np.nan
     noise = []
     for number, spectra in enumerate((clean, noisy, empty)):
-        image = Image(small.image(spectra, grid), working_bands(grid, [paint]), None, None)
+        image = Image(small.image(spectra, grid), working_bands(grid, small.paints()), None, None)
         work = KeyedResults(tmp_path / f"{number}")
         noise.append(survey(work, image, 50, True, no_progress).noise)
     assert noise[1] == noise[2] == noise[0]

@@ -14,6 +14,8 @@ from glazefit.mapping.store.layout import Status
 from glazejax.io import CubeSource
 from tests.mapping import small
 
+from ..refusals import refusal
+
 FINE = np.linspace(380.0, 760.0, 191)
 
 
@@ -29,28 +31,27 @@ def test_bands_are_means_of_what_the_paints_cover():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be replaced there")
-@pytest.mark.parametrize(("replaced", "wanted"), [("cube", [0.3, 0.6]), ("white", [0.6, 0.3])])
-def test_a_file_that_was_replaced_is_opened_again(tmp_path, replaced, wanted):
-    other = tmp_path / "other.npy"
-    files = {name: tmp_path / f"{name}.npy" for name in ("cube", "white")}
-    levels = {"cube": 0.3, "white": 1.0}
-    for name, file in files.items():
-        np.save(file, np.full((2, 3, FINE.size), levels[name]))
+@pytest.mark.parametrize(
+    ("replaced", "levels", "wanted"),
+    [("cube.npy", (0.3, 0.6), (0.3, 0.6)), ("white.npy", (0.5, 1.0), (0.6, 0.3))],
+)
+def test_a_file_that_was_replaced_is_opened_again(here, replaced, levels, wanted):
+    flat = np.ones((2, 3, FINE.size))
+    np.save("cube.npy", 0.3 * flat)
+    np.save("white.npy", flat)
     means = []
-    for written, level in enumerate((0.5 * levels[replaced], levels[replaced])):
-        np.save(other, np.full((2, 3, FINE.size), level if replaced == "white" else 2 * level))
-        os.utime(other, (written, written))
-        other.replace(files[replaced])
-        source = CubeSource(files["cube"], wavelengths=tuple(FINE), white=str(files["white"]))
+    for written, level in enumerate(levels):
+        np.save("other.npy", level * flat)
+        os.utime("other.npy", (written, written))
+        os.replace("other.npy", replaced)
+        source = CubeSource(here / "cube.npy", wavelengths=tuple(FINE), white="white.npy")
         task = map_task(source, small.paints(), opaque=True)
         means.append(task.image.cube().to_numpy().mean())
     assert_allclose(means, wanted, rtol=1e-6)
 
 
 def test_paints_that_do_not_cover_the_image_are_named():
-    with pytest.raises(
-        ValueError, match=r"the image has 900.* from 400 to 700 nm: 0 bands lie there"
-    ):
+    with refusal(r"the image has 900.* from 400 to 700 nm: 0 bands lie there"):
         working_bands(np.linspace(900.0, 1700.0, 100), small.paints())
 
 

@@ -3,11 +3,12 @@ bit.
 """
 
 import errno
+import math
 import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,20 @@ class Toy:
         return ChunkMaps(arrays, tallies, sets)
 
 
+@dataclass(frozen=True)
+class Counted(Toy):
+    """Keeps what it was asked for, and is interrupted after so many windows."""
+
+    most: float = math.inf
+    asked: list[Window] = field(default_factory=list)
+
+    def solve(self, window: Window) -> ChunkMaps:
+        if len(self.asked) == self.most:
+            raise KeyboardInterrupt
+        self.asked.append(window)
+        return super().solve(window)
+
+
 def store_at(path: str | Path, **changes) -> MapStore:
     """A map of the usual size, but for these arguments."""
     usual: dict[str, Any] = {
@@ -95,6 +110,19 @@ class Said(list[tuple[int, int | None, str]]):
 
     def __call__(self, *step: Any) -> None:
         self.append(step)
+
+
+def local_cluster(workers: int = 1, *, processes: bool = False):
+    """A dask cluster of this machine, one thread a worker."""
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=workers,
+        processes=processes,
+        threads_per_worker=1,
+        dashboard_address=None,
+        silence_logs=60,
+    )
 
 
 def full(*_, **__):
