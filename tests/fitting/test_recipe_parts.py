@@ -1,8 +1,6 @@
 import json
 import shlex
-from dataclasses import fields, replace
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import MISSING, fields, replace
 
 import numpy as np
 import pytest
@@ -89,10 +87,8 @@ def test_a_recipe_that_did_not_settle_is_named(capsys):
         print_best([[replace(recipe, converged=settled)]], Console())
         said = " ".join(capsys.readouterr().out.split())
         assert f"glazejax render --coats '{recipe.text}' --instrument 45:0" in said
-        assert ("stopped before it had settled for recipe 2:" in said) is not settled
-        assert (
-            f"stopped before it had settled for the recipe of {recipe.target.name}:" in said
-        ) is not settled
+        for what in ("recipe 2", f"the recipe of {recipe.target.name}"):
+            assert (f"stopped before it had settled for {what}:" in said) is not settled
 
 
 @pytest.mark.parametrize(
@@ -111,9 +107,8 @@ def test_parts_are_whole_numbers(shares, parts):
 def test_parts_stand_to_each_other_as_shares_do():
     rng = np.random.default_rng(2)
     for count in (2, 3, 4) * 50:
-        shares = rng.dirichlet(np.full(count, 0.4))
-        shares = np.maximum(shares, 0.001)
-        shares = shares / shares.sum()
+        shares = np.maximum(rng.dirichlet(np.full(count, 0.4)), 0.001)
+        shares /= shares.sum()
         parts = np.array(whole_parts(shares))
         assert parts.min() >= 1
         assert_allclose(parts / parts.sum(), shares, rtol=0.08)
@@ -122,19 +117,20 @@ def test_parts_stand_to_each_other_as_shares_do():
 @pytest.mark.slow
 def test_what_is_poisonous_is_marked_and_parts_stand_beside_per_cent(capsys, tmp_path):
     oils = catalogue.load("oils")
-    recipe = find_recipes(
+    (recipe,) = find_recipes(
         (78, 20, 25), [oils["Minium"], oils["ZincWhite"]], max_coats=1, max_paints=2, count=1
-    )[0]
+    )
     assert recipe.cautions == {"Minium": "poisonous (lead), rarely sold"}
     (coat,) = recipe.coats
     parts = whole_parts([share for share, _ in coat.parts])
+    ratio = " : ".join(map(str, parts))
     print_recipes([recipe], Console(width=100))
     said = capsys.readouterr().out
-    assert f"{' : '.join(map(str, parts))} " in said
+    assert f"{ratio} " in said
     assert "% Minium ! " in said
     assert "% ZincWhite ! " not in said
     assert "! Minium: poisonous (lead), rarely sold (--modern" in " ".join(said.split())
-    assert describe_coat(coat).replace("\u00a0", " ").endswith(f"({' : '.join(map(str, parts))})")
+    assert describe_coat(coat).replace("\u00a0", " ").endswith(f"({ratio})")
     write_json([[recipe]], tmp_path / "r.json", overwrite=False)
     found = json.loads((tmp_path / "r.json").read_text())[0][0]
     assert list(found["coats"][0]["parts"].values()) == list(parts)
@@ -145,7 +141,7 @@ def test_a_file_that_came_to_be_during_the_search_is_kept(tmp_path):
     """Whether a file exists is asked again when the recipes are written."""
     path = tmp_path / "r.json"
     path.write_text("mine")
-    with pytest.raises(FileExistsError, match=r"r\.json exists"):
+    with refusal(r"r\.json exists", FileExistsError):
         write_json([], path, overwrite=False)
     assert path.read_text() == "mine"
     write_json([], path, overwrite=True)
@@ -163,14 +159,13 @@ def test_roundings_are_all_neighbours():
 
 
 def test_targets_of_a_screen():
-    white = srgb_target("#fff").lab(D65, colour.CIE_1931)
-    assert_allclose(white, [100, 0, 0], atol=1e-6)
+    assert_allclose(srgb_target("#fff").lab(D65, colour.CIE_1931), [100, 0, 0], atol=1e-6)
     science = colour.colour_science()
     expected = science.XYZ_to_Lab(science.sRGB_to_XYZ(np.array([0x8A, 0x4B, 0x2D]) / 255))
-    assert_allclose(srgb_target("8a4b2d").lab(D65, colour.CIE_1931), expected, atol=0.02)
-    same = srgb_target("138, 75, 45")
-    assert same.name == "#8a4b2d"
-    assert_allclose(same.lab(D65, colour.CIE_1931), expected, atol=0.02)
+    for text in ("8a4b2d", "138, 75, 45"):
+        target = srgb_target(text)
+        assert target.name == "#8a4b2d"
+        assert_allclose(target.lab(D65, colour.CIE_1931), expected, atol=0.02)
     for wrong in ("300,0,0", "1,2", "0.5,0.5,0.5"):
         with refusal("write red, green and blue from 0 to 255, such as 138,75,45"):
             srgb_target(wrong)
@@ -179,10 +174,12 @@ def test_targets_of_a_screen():
 def test_targets_of_a_chart():
     chart = colourchecker_targets()
     assert len(chart) == 24
-    red = colourchecker_targets(["Red"])[0]
+    (red,) = colourchecker_targets(["Red"])
     assert red.name == "red"
     lightness, a, b = red.lab(D65, colour.CIE_1931)
-    assert (35 < lightness < 50, a > 40, b > 15) == (True, True, True)
+    assert 35 < lightness < 50
+    assert a > 40
+    assert b > 15
     assert [t.name for t in colourchecker_targets(["blue_sky", "blue  sky"])] == ["blue sky"]
 
 
@@ -224,8 +221,8 @@ def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed(limits):
     inside = found.sizes > 0
     assert found.paints.max() == paints
     assert found.coats.max() == coats
-    both = found.coats == 2
-    assert (inside[both, 0] != inside[both, -1]).any(axis=1).all()
+    both = inside[found.coats == 2]
+    assert (both[:, 0] != both[:, -1]).any(axis=1).all()
     # Sets of one to three of five paints in a coat, and in two coats those that differ.
     pairs = {3: 20 + 2 * 50, 2: 20 + 2 * 20}
     single = sum(count for n, count in ((1, 5), (2, 10), (3, 10)) if n <= paints)
@@ -294,26 +291,23 @@ def test_stacks_differ_by_the_order_of_their_coats(task):
     assert by_effort(task, both).tolist() == [1, 0]
 
 
-def at_distance(delta_e, limit):
-    """A recipe so far from its target, of which nothing else is known."""
-    unset: dict[str, Any] = {field.name: None for field in fields(Recipe)}
+def at_distance(delta_e, limit="", **others):
+    """A recipe so far from its target, of which only that is known, and what else is stated."""
+    unset = dict.fromkeys(field.name for field in fields(Recipe) if field.default is MISSING)
     stated = {"target": lab_target((50, 90, 0), "pink"), "delta_e": {D65: delta_e}, "limit": limit}
-    return Recipe(**unset | stated)
+    return Recipe(**unset | stated | others)  # pyright: ignore[reportArgumentType]
 
 
 def test_the_line_that_draws_a_recipe_may_be_pasted_into_a_shell(capsys):
-    recipe = replace(
-        at_distance(0.5, ""),
+    recipe = at_distance(
+        0.5,
         coats=(Coat(((1.0, "Painter's Red"),), 2e-6, 1),),
         glaze=Glaze([Layer(PALETTE[2], 2e-6)], 0.9),
         wavelengths=GRID,
         lab={D65: np.array([50.0, 60.0, 0.0])},
-        observer=colour.CIE_1931,
         test_illuminant="A",
         sensitivity=(0.1,),
         between_mixings=1.0,
-        gamut_distance=0.0,
-        converged=True,
     )
     print_recipes([recipe], Console(width=200), "--ground 0.5")
     _, line = capsys.readouterr().out.split("See the first: ")
@@ -342,19 +336,17 @@ def test_recipes_for_one_target_are_drawn_on_one_scale():
     from glazefit.recipe.plots import recipe_figure
 
     def recipe(target, reflectance):
-        return SimpleNamespace(
+        return at_distance(
+            0.1,
             target=target,
             wavelengths=GRID,
             reflectance=np.full(GRID.size, reflectance),
             coats=(),
-            distance=0.1,
-            delta_e={"D65": 0.1},
-            lab={"D65": np.array([40.0, 0.0, 0.0])},
-            observer="cie_2_1931",
+            lab={D65: np.array([40.0, 0.0, 0.0])},
         )
 
     brown, white = lab_target((40, 0, 0), "brown"), lab_target((40, 0, 0), "white")
     recipes = [recipe(brown, 0.44), recipe(brown, 0.2), recipe(white, 0.3)]
-    figure = recipe_figure(recipes, titles=["1", "2", "3"], heading="h", subtitle="s")  # pyright: ignore
+    figure = recipe_figure(recipes, titles=["1", "2", "3"], heading="h", subtitle="s")
     tops = [axes.get_ylim()[1] for axes in figure.axes[1::2]]
     assert tops == [1.0, 1.0, 0.4]

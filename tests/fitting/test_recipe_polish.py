@@ -14,7 +14,7 @@ from glazefit.recipe.model import read
 from glazefit.recipe.refine import colour_misfit, look, refine, score, start
 from glazefit.recipe.screen import Stacks
 from glazefit.recipe.targets import TargetArrays
-from glazefit.recipe.task import RecipeTask, make_task
+from glazefit.recipe.task import make_task
 from glazejax import colour
 
 from .palette import GRID, PALETTE
@@ -24,7 +24,7 @@ LIGHTS = [colour.find_illuminant(name) for name in ("D65", "A")]
 WHITE, BLACK, RED, YELLOW, BLUE = range(5)
 
 
-def stacks(*some: list[dict[int, float]]) -> Stacks:
+def stacks(*some):
     """Stacks of two coats, by the thickness that each paint takes, um; each for a target of its
     own.
     """
@@ -35,7 +35,7 @@ def stacks(*some: list[dict[int, float]]) -> Stacks:
     return Stacks.before_refinement(sizes, np.arange(len(some)), np.zeros(len(some)))
 
 
-def spectrum(sizes: np.ndarray) -> np.ndarray:
+def spectrum(sizes):
     """What the public solver says of a stack, paint by paint through mixtures and layers."""
     layers = [
         gj.Layer(gj.Mixture(PALETTE, coat / coat.sum()), coat.sum() * 1e-6)
@@ -45,7 +45,7 @@ def spectrum(sizes: np.ndarray) -> np.ndarray:
     return np.asarray(gj.reflectance(gj.Glaze(layers, 0.9), SEEN, tolerance=1e-8))
 
 
-def task_for(spectra: np.ndarray, spectral: float = 0.0) -> RecipeTask:
+def task_for(spectra, spectral=0.0):
     """Under two lights, so that each counts in part; `spectral` weighs the spectra."""
     labs = np.stack([colour.lab(GRID, spectra, illuminant=light) for light in LIGHTS], axis=1)
     target = lab_target(dict.fromkeys(LIGHTS, (50, 0, 0)))
