@@ -150,25 +150,22 @@ def single():
     return film, posterior_of_film(film, [BLUE, WHITE], steps=0)
 
 
-def assert_same(result, expected, names):
+def assert_same(result, expected, coat, *names):
+    """Of this coat what was found of the film, and the same gloss."""
     found, single = rows(result), rows(expected)
-    for mine, other in names.items():
-        here, there = found[mine], single[other]
-        width = there.upper - there.lower
-        assert_allclose(
-            [here.lower, here.median, here.upper],
-            [there.lower, there.median, there.upper],
-            atol=0.1 * width,
-            err_msg=mine,
+    for name in (*names, "thickness", "fraction blue", "gloss"):
+        mine = name if name in found else f"{name} of coat {coat}"
+        here, there = (
+            np.array([row.lower, row.median, row.upper]) for row in (found[mine], single[name])
         )
+        assert_allclose(here, there, atol=0.1 * (there[2] - there[0]), err_msg=mine)
 
 
 @pytest.mark.slow
 def test_a_stack_of_one_coat_is_a_film(single):
     film, expected = single
     result = posterior_of_coats(film, COATS[1:], steps=0)
-    same = {f"{n} of coat 1": n for n in ("fraction blue", "fraction white", "thickness")}
-    assert_same(result, expected, same | {"gloss": "gloss", "model error": "model error"})
+    assert_same(result, expected, 1, "fraction white", "model error")
     assert_allclose(result.laplace.modes[0, 0], expected.laplace.modes[0, 0], atol=3e-3)
 
 
@@ -176,8 +173,7 @@ def test_a_stack_of_one_coat_is_a_film(single):
 def test_a_coat_of_hardly_any_thickness_changes_nothing_and_is_not_told(single):
     film, expected = single
     result = posterior_of_coats(film, [CoatPrior([RED], 1e-11, 0.5), COATS[1]], steps=0)
-    same = {f"{n} of coat 2": n for n in ("fraction blue", "thickness")}
-    assert_same(result, expected, same | {"gloss": "gloss"})
+    assert_same(result, expected, 2)
     assert "thickness of coat 1: not constrained by these readings: its posterior is its prior" in (
         result.identifiability.sentences
     )
@@ -205,23 +201,28 @@ def first_of(problem):
 UNKNOWN = [CoatPrior(), CoatPrior([BLUE, WHITE], 30e-6, fractions=[0.3, 0.7])]
 
 
+def spectra_of(named, *coefficients):
+    """Of the unknown coat, each (bands,)."""
+    return np.array([[named[f"{what} at {w:g} nm"] for w in GRID] for what in coefficients])
+
+
+def assert_reads(problem, free, layers, gloss):
+    """At these unknowns the model says of its film what the public solver says of these layers."""
+    data = first_of(problem)
+    fitted = jax.jit(lambda free: problem.film.read(free, data, problem.shared))(free)
+    expected = over_grounds(layers) + INSTRUMENT.seen_surface * gloss
+    assert_allclose(fitted, expected, atol=2e-4)
+
+
 def test_readings_are_the_public_solvers():
     """At the truth, of known coats and of an unknown one whose spectra are sums of the modes."""
-    problem = problem_of(COATS)
-    data = first_of(problem)
     free = jnp.array([np.log(8e-6 / 25e-6), np.log(0.3 / 0.7), np.log(30e-6 / 25e-6), 0.4, 0.0])
-    surface = INSTRUMENT.seen_surface / (1 + np.exp(-0.4))
-    fitted = jax.jit(lambda free: problem.film.read(free, data, problem.shared))(free)
-    assert_allclose(fitted, over_grounds(GLAZED) + surface, atol=2e-4)
+    assert_reads(problem_of(COATS), free, GLAZED, 1 / (1 + np.exp(-0.4)))
     problem = problem_of(UNKNOWN)
-    data = first_of(problem)
     free = np.random.default_rng(0).standard_normal(problem.dims)
     named = values_at(free, problem)
-    k, s = (np.array([named[f"{what} at {w:g} nm"] for w in GRID]) / 1e-5 for what in COEFFICIENTS)
-    layers = [Layer(paint("x", k, s), 1e-5), BODY]
-    surface = INSTRUMENT.seen_surface * named["gloss"]
-    fitted = problem.film.read(jnp.asarray(free), data, problem.shared)
-    assert_allclose(fitted, over_grounds(layers) + surface, atol=2e-4)
+    k, s = spectra_of(named, "absorption", "scattering") / 1e-5
+    assert_reads(problem, jnp.asarray(free), [Layer(paint("x", k, s), 1e-5), BODY], named["gloss"])
     assert_allclose(named["ratio at 400 nm"], k[0] / s[0])
 
 
@@ -232,14 +233,12 @@ def test_prior_is_what_the_log_probability_says(coats):
     prior = (
         problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
     )
-    names = problem.unknowns
     expected = np.zeros(len(free))
-    for name, x in zip(names, free.T, strict=True):
+    for name, x in zip(problem.unknowns, free.T, strict=True):
         if name.startswith("thickness"):
             # Readings show thickness times strength: of one paint, and of two whose squared shares
             # sum to 2/3 on average.
-            paints = len(coats[int(name[-1]) - 1].paints)
-            squares = {1: 1.0, 2: 2.0 / 3.0}[paints]
+            squares = {1: 1.0, 2: 2.0 / 3.0}[len(coats[int(name[-1]) - 1].paints)]
             expected -= 0.5 * x**2 / (PRIOR.spread**2 + STRENGTH**2 * squares)
         elif name.startswith("mode "):
             expected -= 0.5 * x**2
@@ -254,18 +253,29 @@ def test_prior_is_what_the_log_probability_says(coats):
     assert_allclose(np.cov(free, rowvar=False), problem.prior_covariance, atol=0.3)
 
 
+def caused_by(slopes):
+    """Covariance of the readings by errors that are smooth along the bands, from the readings'
+    slopes by each error at their own band, (bands, grounds).
+    """
+    smooth = smooth_kernel(GRID, PRIOR.error_length)
+    wide = [
+        np.einsum("bg,bc->bgc", slope, np.eye(GRID.size)).reshape(-1, GRID.size) for slope in slopes
+    ]
+    return sum(matrix @ smooth @ matrix.T for matrix in wide)
+
+
 @pytest.mark.slow
 def test_likelihood_holds_the_paints_errors():
     """W and b against diag(v) + e^2 J K J^T, with J by finite differences of the public solver."""
     film = usual_reading()
     problem, found = solve(problem_of(COATS, film))
-    data = jax.tree.map(lambda a: np.asarray(a[0]), problem.data.expansion)
+    data = first_of(problem).expansion
     point = found.points[0, 0]
     named = values_at(point, problem)
     blue = named["fraction blue of coat 2"]
     off = np.exp(data.shift).reshape(2, 2, -1)
     body = Mixture([BLUE, WHITE], [blue, 1 - blue])
-    coats = off * np.array([[getattr(coat, w) for w in COEFFICIENTS] for coat in (RED, body)])
+    coats = off * np.array([[coat.absorption, coat.scattering] for coat in (RED, body)])
     thick = [named["thickness of coat 1"], named["thickness of coat 2"]]
 
     def readings(errors):
@@ -275,32 +285,28 @@ def test_likelihood_holds_the_paints_errors():
         ]
         return over_grounds(layers, tolerance=1e-8)
 
-    smooth, size, rows_ = smooth_kernel(GRID, PRIOR.error_length), 1e-3, film.sd.size
-    caused = np.zeros((rows_, rows_))
-    for step in size * np.eye(4).reshape(4, 2, 2, 1):
-        slope = (readings(step) - readings(-step)) / (2 * size)
-        # Bands do not meet, so one step of all bands gives the whole slope.
-        wide = np.einsum("bg,bc->bgc", slope, np.eye(GRID.size)).reshape(rows_, -1)
-        caused += wide @ smooth @ wide.T
+    size = 1e-3
+    # Bands do not meet, so one step of all bands gives the whole slope.
+    caused = caused_by(
+        (readings(step) - readings(-step)) / (2 * size)
+        for step in size * np.eye(4).reshape(4, 2, 2, 1)
+    )
     back = np.linalg.inv(data.whiten)
     assert_allclose(back @ back.T, np.diag(film.sd.ravel() ** 2), atol=1e-9)
     assert_allclose((back * data.spread**2) @ back.T, caused, atol=0.02 * np.abs(caused).max())
-
-
-COEFFICIENTS = ("absorption", "scattering")
 
 
 def test_an_unknown_paint_has_no_error_of_its_coefficients():
     """Its spectra are sought: an error of them would be counted twice. Those of the body stay."""
     logs = np.log(np.full((1, 4, GRID.size), 0.5))
     grounds = np.full((1, GRID.size, 2), 0.5)
-    by_log = {}
-    for name, coats in (("known", COATS), ("unknown", UNKNOWN)):
-        there = slopes(problem_of(coats).film, None, logs, grounds)
-        by_log[name] = np.asarray(there.by_log).reshape(2, 2, GRID.size, 2)
-    assert np.all(by_log["known"] != 0)
-    assert_array_equal(by_log["unknown"][0], 0)
-    assert_allclose(by_log["unknown"][1], by_log["known"][1], rtol=1e-6)
+    known, unknown = (
+        np.asarray(slopes(problem_of(coats).film, None, logs, grounds).by_log).reshape(2, -1)
+        for coats in (COATS, UNKNOWN)
+    )
+    assert np.all(known != 0)
+    assert_array_equal(unknown[0], 0)
+    assert_allclose(unknown[1], known[1], rtol=1e-6)
 
 
 SMOOTH = paint("glaze", np.geomspace(2e4, 1e5, GRID.size), 3e4)
@@ -319,15 +325,10 @@ def test_an_unknown_paint_over_a_known_body(grounds):
     )
     found = rows(result)
     for band, wavelength in enumerate(GRID):
-        k = 10e-6 * float(SMOOTH.absorption[band])
         row = found[f"absorption at {wavelength:g} nm"]
-        assert row.lower / 1.3 < k < row.upper * 1.3
-    spectra = result.spectra()
-    assert (
-        spectra["absorption"].shape
-        == spectra["ratio"].shape
-        == (len(result.laplace.sample), GRID.size)
-    )
+        assert row.lower / 1.3 < 10e-6 * SMOOTH.absorption[band] < row.upper * 1.3
+    for name in ("absorption", "ratio"):
+        assert result.spectra()[name].shape == (len(result.laplace.sample), GRID.size)
     assert result.inference_data.posterior["absorption"].dims[-1] == "wavelength"
     # One reading a band cannot tell two numbers; two tell both, but for a band at the edge at most.
     open_bands = [s for s in result.identifiability.sentences if s.startswith("unknown paint")]
@@ -358,17 +359,14 @@ def test_modes_hold_the_spectra_of_the_prior():
 
 def test_words_for_coats():
     coats = parse_coats("red:~5um x2, 0.25*blue + 0.75*white:20um, Blue+white:?", SHELF, 0.4)
-    assert [[p.name for p in coat.paints] for coat in coats] == [
-        ["red"],
-        ["blue", "white"],
-        ["blue", "white"],
-    ]
+    both = ["blue", "white"]
+    assert [[p.name for p in coat.paints] for coat in coats] == [["red"], both, both]
     assert [coat.thickness for coat in coats] == [pytest.approx(10e-6), pytest.approx(20e-6), None]
     assert [coat.spread for coat in coats] == [0.4, 0.0, 0.0]
     assert [coat.open_thickness for coat in coats] == [True, False, True]
     assert [coat.open_fractions for coat in coats] == [False, False, True]
     assert_allclose(coats[1].shares, [0.25, 0.75])
-    (unknown, body) = parse_coats("?, white:1mm", SHELF, 0.4)
+    unknown, body = parse_coats("?, white:1mm", SHELF, 0.4)
     assert unknown.unknown
     assert unknown.thickness is None
     assert not body.open_thickness
@@ -434,13 +432,12 @@ def unknown_over_white():
     """
     film = read([Layer(RED, 8e-6), Layer(WHITE, 15e-6)])
     problem = problem_of([CoatPrior(), CoatPrior([WHITE], 15e-6)], film)
-    model = problem.film
     data = first_of(problem)
 
     @jax.jit
     def looked_up(free):
-        thickness = model.optical(free, data, problem.shared)
-        return thickness, model.look_up(thickness[..., 0], data, problem.shared)
+        thickness = problem.film.optical(free, data, problem.shared)
+        return thickness, problem.film.look_up(thickness[..., 0], data, problem.shared)
 
     return problem, film, looked_up
 
@@ -456,17 +453,15 @@ def test_a_table_of_an_unknown_coat_reads_as_the_solver(unknown_over_white):
         assert seen.by_log is not None
         assert_allclose(seen.body, solved(thickness), atol=2e-4)
         for which in range(2):
-            more, less = np.array(thickness), np.array(thickness)
-            more[which, :, 1] *= np.exp(0.05)
-            less[which, :, 1] *= np.exp(-0.05)
-            slope = (solved(more) - solved(less)) / 0.1
+            factor = thickness.at[which, :, 1]
+            more, less = (solved(factor.multiply(np.exp(step))) for step in (0.05, -0.05))
+            slope = (more - less) / 0.1
             assert_allclose(seen.by_log[which], slope, atol=2e-3)
     # A coat beyond the table's end reads by its k/s.
     beyond = jnp.outer(jnp.array([3000.0, 60.0]), jnp.ones(GRID.size))
     stack = looked_up(jnp.zeros(problem.dims))[0].at[..., 0].set(beyond)
-    expected = solved(stack)
     found = model.look_up(beyond, data, problem.shared)
-    assert_allclose(found.body, expected, atol=2e-4)
+    assert_allclose(found.body, solved(stack), atol=2e-4)
 
 
 def test_slopes_of_an_unknown_coats_readings_are_their_derivatives(unknown_over_white):
@@ -485,17 +480,13 @@ def test_the_likelihood_of_an_unknown_coat_is_the_gaussian_of_noise_and_errors(u
     problem, film, looked_up = unknown_over_white
     place = problem.prior_draws(np.random.default_rng(4), 1)
     places = place + np.array([[0.0], [0.02]]) * np.ones(problem.dims)
-    smooth, heights = smooth_kernel(GRID, PRIOR.error_length), []
+    heights = []
     for free in places:
         seen = looked_up(free)[1]
         assert seen.by_log is not None
-        jacobian = np.einsum("ebg,bc->bgec", np.asarray(seen.by_log), np.eye(GRID.size))
-        jacobian = jacobian.reshape(film.sd.size, 2, GRID.size)
-        caused = sum(jacobian[:, e] @ smooth @ jacobian[:, e].T for e in range(2))
+        caused = caused_by(np.asarray(seen.by_log))
         covariance = np.diag(film.sd.ravel() ** 2) + np.exp(2 * free[-1]) * caused
-        mean = np.asarray(seen.body) + float(
-            problem.film.surface(jnp.asarray(free), problem.shared)
-        )
+        mean = np.asarray(seen.body + problem.film.surface(jnp.asarray(free), problem.shared))
         heights.append(
             multivariate_normal(mean.ravel(), covariance).logpdf(film.reflectance.ravel())
         )
@@ -510,10 +501,7 @@ def test_a_coat_of_unknown_paint_is_its_bands():
     problem = problem_of([CoatPrior()], film)
     for free in problem.prior_draws(np.random.default_rng(5), 3):
         named = values_at(free, problem)
-        ratio, s = (
-            np.array([named[f"{what} at {w:g} nm"] for w in GRID])
-            for what in ("ratio", "scattering")
-        )
+        ratio, s = spectra_of(named, "ratio", "scattering")
         bands = pose_bands(film, named["gloss"], INSTRUMENT)
         logs = np.log(np.stack([ratio, s], axis=-1))
         found = {q.name: q.values(logs) for q in bands.quantities}
