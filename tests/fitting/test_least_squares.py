@@ -148,31 +148,8 @@ def test_numpys_descent_ends_where_the_cost_has_no_slope():
     assert_allclose(found.point, target, atol=1e-5)
 
 
-def test_descent_within_bounds_follows_a_narrow_valley():
-    """The first full step leads far beyond the longest, and both unknowns stop there: in other
-    proportions than the valley's the step would lead up its side.
-    """
-    matrix = np.array([[700.0, 800.0], [1.0, 0.0]])
-    right = np.array([0.0, -8.0])
-
-    def look(rows, points):
-        miss = points @ matrix.T - right
-        curvature = np.broadcast_to(matrix.T @ matrix, (len(points), 2, 2))
-        return Looks(np.sum(miss**2, axis=1), miss @ matrix, curvature)
-
-    start = np.zeros((1, 2))
-    bounds = Bounds(np.full(2, -10.0), np.full(2, 10.0), longest=1.0)
-    found = descend_within(
-        look, start, look(np.zeros(1, int), start), bounds, promise=1e-6, max_steps=60
-    )
-    assert found.settled.all()
-    assert_allclose(found.point, [[-8.0, 7.0]], atol=1e-3)
-
-
-def test_descent_within_bounds_ends_at_the_best_point_inside():
-    # Sums of squares |A x - b|^2.
-    matrix = RNG.standard_normal((12, 6, 3))
-    right = 2.0 * RNG.standard_normal((12, 6))
+def linear(matrix, right):
+    """Sums of squares |A x - b|^2, side by side."""
 
     def look(rows, points):
         miss = np.einsum("nrm,nm->nr", matrix[rows], points) - right[rows]
@@ -183,9 +160,26 @@ def test_descent_within_bounds_ends_at_the_best_point_inside():
             curvature=flipped @ matrix[rows],
         )
 
+    start = np.zeros((len(matrix), matrix.shape[2]))
+    return look, start, look(np.arange(len(matrix)), start)
+
+
+def test_descent_within_bounds_follows_a_narrow_valley():
+    """The first full step leads far beyond the longest, and both unknowns stop there: in other
+    proportions than the valley's the step would lead up its side.
+    """
+    problem = linear(np.array([[[700.0, 800.0], [1.0, 0.0]]]), np.array([[0.0, -8.0]]))
+    bounds = Bounds(np.full(2, -10.0), np.full(2, 10.0), longest=1.0)
+    found = descend_within(*problem, bounds, promise=1e-6, max_steps=60)
+    assert found.settled.all()
+    assert_allclose(found.point, [[-8.0, 7.0]], atol=1e-3)
+
+
+def test_descent_within_bounds_ends_at_the_best_point_inside():
+    matrix = RNG.standard_normal((12, 6, 3))
+    right = 2.0 * RNG.standard_normal((12, 6))
+    look, start, seen = linear(matrix, right)
     bounds = Bounds(np.full(3, -0.5), np.array([0.5, 0.4, 0.3]), 0.3)
-    start = np.zeros((len(matrix), 3))
-    seen = look(np.arange(len(matrix)), start)
     found = descend_within(look, start, seen, bounds, promise=1e-9, max_steps=60)
     assert found.settled.all()
     for a, b, x in zip(matrix, right, found.point, strict=True):
