@@ -2,6 +2,8 @@
 definitions.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -40,7 +42,7 @@ def ladder_of(paint, thickness, ground):
     return render(glaze, GEOMETRY, layer=0, coat=thickness, coats=COATS).ladder
 
 
-def alone(layers, ground=GROUND):
+def alone(layers, ground: Any = GROUND):
     return np.asarray(reflectance(Glaze(layers, ground), GEOMETRY))
 
 

@@ -27,6 +27,7 @@ def test_metals_reflect_as_the_estimate_says(unchecked):
         ("hall", hall_reflectance(c, normal, hall_extinction(normal.mean()))),
         ("cook-torrance", cook_torrance_reflectance(c, normal)),
     ):
-        assert_allclose(Conductor(n, k, fresnel=model).mirror(cosine), expected, rtol=1e-12)
+        made = Conductor(n, k, fresnel=model)  # type: ignore[arg-type]
+        assert_allclose(made.mirror(cosine), expected, rtol=1e-12)
     with refusal("fresnel 'schlick' is unknown"):
         Conductor(n, k, fresnel="schlick")  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ refused.
 
 import json
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,7 +115,7 @@ def test_textures_of_thickness_fraction_and_ground(mitsuba):
     thickness = np.array([[0.0, 1e-6], [2e-6, 3e-6]])
     fraction = np.array([[0.0, 0.3, 1.0]])
     ground = np.array([[0.1], [0.9]])
-    maps = {"thickness": thickness, "fraction": fraction, "ground": ground}
+    maps: dict[str, Any] = {"thickness": thickness, "fraction": fraction, "ground": ground}
     made = glaze_bsdf(glaze, **maps)
     for name in maps:
         made[name]["filter_type"] = "nearest"
@@ -141,7 +142,6 @@ def test_a_ground_with_a_spectrum_at_each_place(mitsuba):
 
 def test_numbers_count_for_the_coat_that_is_named(mitsuba):
     bsdf = loaded(
-        mitsuba,
         coats="Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um",
         layer=1,
         thickness=4e-6,

@@ -380,6 +380,7 @@ def test_area_lights_relief_and_roughness_are_read(read, tmp_path):
     assert isinstance(paint, Glazed)
     assert paint.roughness == 0.25
     (floor,) = (shape for shape in scene.shapes if isinstance(shape, Plane))
+    assert floor.relief is not None
     assert_allclose(floor.relief, 0.02 * heights)
     beyond = "area lights and relief and glazes with a rough surface"
     assert scene.needs_path_tracing() == beyond

@@ -320,9 +320,9 @@ def learn_none(seed, *, taken_off):
     rng = np.random.default_rng(seed)
     fits = rng.normal([[1.0], [0.0]], 1.0, (2, 20000))
     usual = rng.normal(-20.0, 3.0, fits.shape)
-    pairs = np.stack([fits - taken_off * usual, usual], axis=-1)
+    paint, foreign = np.stack([fits - taken_off * usual, usual], axis=-1)
     weights = np.ones(20000)
-    return fits[0], calibration.learn_none(*pairs, (weights, weights))
+    return fits[0], calibration.learn_none(paint, foreign, (weights, weights))
 
 
 def test_none_is_stated_as_often_as_it_is_true():

@@ -201,7 +201,7 @@ def test_the_nearest_answer_is_named_however_improbable_it_is(shelf):
     (answer,) = unlike.family_sets[0]
     assert answer.probability < 1e-3
     (headline,) = (line for line in report_families(unlike, 5, None) if "step: " in line)
-    assert headline.endswith(f"the nearest pigment is {answer.words}")
+    assert str(headline).endswith(f"the nearest pigment is {answer.words}")
     filed = make_record(unlike, ABOUT, names, 5)
     for _, rows in (table_of(unlike), table_of_record(filed)):
         assert {row[0] for row in rows} == {*names}

@@ -387,7 +387,10 @@ def test_every_line_and_number_lies_within_its_plot():
     dark = {**spot, "measured": measured, "explanations": [fit]}
     for each in (spot, dark):
         axes = plot_axes(filed, each)["spectra"]
-        lines = sum((fit["fitted"] for fit in each["explanations"]), each["measured"])
+        lines = [
+            *each["measured"],
+            *(line for fit in each["explanations"] for line in fit["fitted"]),
+        ]
         assert axes.high > np.max(lines) > 0.9 * axes.high
         # A value's place is as far up as it is of the height: nothing is moved to fit in.
         for line in lines:

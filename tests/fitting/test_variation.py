@@ -142,11 +142,13 @@ def test_a_paint_of_a_mixture_is_called_as_in_the_recipe(paints):
     """Whatever its pigment is called; and a paint of no weight is not in it."""
     # Films of a third paint are far off.
     varied = Variation(of_paint={"black": OF_SIZE[-1]})
-    shelf = dict(zip(("red", "white", "black"), paints.values(), strict=True))
+    shelf: dict = dict(zip(("red", "white", "black"), paints.values(), strict=True))
     found = mix(shelf, {"red": 10, "white": 90, "black": 0}, variation=varied)
     expected = mix(paints, TINT, variation=varied)
     assert found.name == "10 red + 90 white"
     assert_allclose(found.absorption, expected.absorption)
+    assert found.absorption_sd is not None
+    assert expected.absorption_sd is not None
     assert_allclose(found.absorption_sd, expected.absorption_sd)
 
 

@@ -386,6 +386,8 @@ def test_a_map_keeps_the_place_of_its_image(map_of, tmp_path, monkeypatch):
     assert f"map info = {{ {corner} }}" in lines
     assert 'coordinate system string = { PROJCS["x",y] }' in lines
     again = envi_cube(header, None)
+    assert again.y is not None
+    assert again.x is not None
     assert_allclose(again.y, source.open().y)
     assert_allclose(again.x, source.open().x)
 

@@ -112,7 +112,7 @@ class Said(list[tuple[int, int | None, str]]):
         self.append(step)
 
 
-def local_cluster(workers: int = 1, *, processes: bool = False):
+def local_cluster(workers: int = 1, *, processes: bool = False) -> Any:
     """A dask cluster of this machine, one thread a worker."""
     from distributed import LocalCluster
 
@@ -120,7 +120,7 @@ def local_cluster(workers: int = 1, *, processes: bool = False):
         n_workers=workers,
         processes=processes,
         threads_per_worker=1,
-        dashboard_address=None,
+        dashboard_address=None,  # type: ignore[arg-type]
         silence_logs=60,
     )
 

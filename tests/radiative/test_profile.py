@@ -130,7 +130,10 @@ def test_gradients_under_jit():
         ({"scattering": lambda z: -z - 1.0}, "scattering holds -1"),
         ({"absorption": 1e4}, "single number"),
         ({"absorption": []}, "no values"),
-        ({"absorption": np.ma.array([1e4, 2e4], mask=[0, 1])}, "absorption has masked values"),
+        (
+            {"absorption": np.ma.array([1e4, 2e4], mask=[False, True])},
+            "absorption has masked values",
+        ),
         ({"thickness": np.ma.array([1e-5], mask=True)}, "thickness has masked values"),
         ({"absorption": [1.0, 2.0, 3.0]}, "3 depths .* 2"),
         ({"thickness": -1e-6}, "thickness holds -1e-06"),

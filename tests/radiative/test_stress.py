@@ -235,7 +235,7 @@ def test_memory_stays_bounded():
         ({"albedo": "a"}, "albedo is 'a'; it must be a real number"),
         ({"albedo": [0.5, 0.5j]}, "albedo is complex, such as"),
         ({"albedo": [[0.5], [0.5, 0.5]]}, "albedo is no array of numbers"),
-        ({"albedo": np.ma.array([0.9, 0.5], mask=[0, 1])}, "albedo has masked values"),
+        ({"albedo": np.ma.array([0.9, 0.5], mask=[False, True])}, "albedo has masked values"),
         ({"optical_thickness": None}, "optical_thickness is None"),
         ({"substrate_reflectance": None}, "substrate_reflectance is None"),
         ({"cos_viewing": None}, "cos_viewing is None"),

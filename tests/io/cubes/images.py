@@ -37,7 +37,7 @@ def envi(
     values: np.ndarray = IMAGE,
     /,
     *,
-    folder: str | Path = ".",
+    folder: Any = ".",
     interleave: Any = "bsq",
     dtype: Any = "u2",
     order: Any = 0,
@@ -105,7 +105,7 @@ def labelled(values, **attributes):
 PACKED = {"reflectance": {"dtype": "u2", "scale_factor": 1e-4, "_FillValue": 65535}}
 
 
-def zarr(dataset, *, folder=".", version=3, encoding=None, name="image.zarr"):
+def zarr(dataset, *, folder: str | Path = ".", version=3, encoding=None, name="image.zarr"):
     path = Path(folder, name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of zarr, on consolidated metadata
@@ -113,7 +113,7 @@ def zarr(dataset, *, folder=".", version=3, encoding=None, name="image.zarr"):
     return path
 
 
-def hdf5(values=IMAGE, *, folder=".", dtype="f4", **further):
+def hdf5(values: np.ndarray = IMAGE, *, folder: str | Path = ".", dtype="f4", **further):
     """Cube in groups, as airborne spectrometers' files have it."""
     path = Path(folder, "image.h5")
     with h5py.File(path, "w") as file:
@@ -127,7 +127,14 @@ def hdf5(values=IMAGE, *, folder=".", dtype="f4", **further):
     return path
 
 
-def tiff(values=IMAGE, *, folder=".", name="image.tif", pages=False, **further):
+def tiff(
+    values: np.ndarray = IMAGE,
+    *,
+    folder: str | Path = ".",
+    name="image.tif",
+    pages=False,
+    **further,
+):
     """A page a band: as one series (BigTIFF, big-endian), or each page for itself and described."""
     path = Path(folder, name)
     planes = np.moveaxis(values, 2, 0).astype("f4")
@@ -150,7 +157,9 @@ def tiff(values=IMAGE, *, folder=".", name="image.tif", pages=False, **further):
     return path
 
 
-def tiffs(values=IMAGE, *, folder=".", form="band_{:g}nm.tif", **further):
+def tiffs(
+    values: np.ndarray = IMAGE, *, folder: str | Path = ".", form="band_{:g}nm.tif", **further
+):
     """A file a band."""
     path = Path(folder, "bands")
     path.mkdir()
