@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,7 @@ render --catalogue | --coats TitaniumWhite:9um
 convert source | | films.csv new.csv
 convert target | | spectra.csv other.csv
 identify --scale | spectra.csv --ground 0.5 | --scale 1.25
+identify --top | spectra.csv --ground 0.5 | --top 50
 recover --scale | films.csv --out found | --scale 1.25
 posterior --scale | ONE --paints ZincWhite | --scale 1.25
 convert --quantity | odd.csv new.csv
@@ -409,7 +411,8 @@ def check_test(test: str, option: str) -> None:
     assert there, f"{file} has no {name}"
     body = after.partition("\ndef ")[0]
     words = {"--out": ("--out", "-o"), "--plots": ("--plots", "--no-plots")}.get(option, (option,))
-    assert any(f'"{word}"' in body for word in words), f"{name} has no {option}"
+    # Alone, or in a line of words.
+    assert {*words} & {*re.findall(r"(?<=[\"\s])--?[a-z][\w-]*", body)}, f"{name} has no {option}"
 
 
 @pytest.mark.parametrize(

@@ -22,10 +22,11 @@ from glazefit.identify.search.searcher import check_spectra
 from glazefit.identify.show.page import DRAWN, LISTED, page, plot_axes, write_page
 from glazefit.identify.show.record import make_record, table_of_record
 from glazefit.identify.show.ruled_out import ruled_out
-from glazefit.page.inputs import input_files, with_its_pair
+from glazefit.page.inputs import input_files
 from glazefit.page.plot import PlotAxes
 from glazefit.page.subject import check_subject
 from glazejax.commands.command_line import ground_file
+from glazejax.io.source import with_its_pair
 
 from ..refusals import refusal
 from ..studio.browser import start_browser

@@ -93,7 +93,7 @@ def test_reflectance_factor():
 
 
 def test_many_angles_are_refused():
-    with pytest.raises(ValueError, match="numbers, not as arrays"):
+    with pytest.raises(ValueError, match="one angle of each kind, but incidence is an array"):
         film_response(Hemispherical([0.0, 8.0]))
 
 

@@ -417,7 +417,8 @@ def _check_outputs(
     """Refuse what could not be written in the end, or would replace what is read, before anything
     is read.
     """
-    from ..page.inputs import with_its_pair
+    from glazejax.io.source import with_its_pair
+
     from .store.export import check_export
     from .store.store import check_map
 

@@ -5,9 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from glazejax.io.source import DATA_ENDINGS, split_sheet
-
-_ENVI = ("", ".hdr", *(f".{ending}" for ending in DATA_ENDINGS))
+from glazejax.io.source import split_sheet, with_its_pair
 
 
 def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
@@ -23,20 +21,6 @@ def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
             size, checksum = _checksum(split_sheet(file)[0])
             out.append({"role": role, "name": str(file), "bytes": size, "sha256": checksum})
     return out
-
-
-def with_its_pair(path: Path) -> list[Path]:
-    """A file and, where it is half of an ENVI pair, the other half."""
-    if path.suffix.lower() not in _ENVI or path.is_dir():
-        return [path]
-    candidates = {path.with_suffix(end) for word in _ENVI for end in (word, word.upper())}
-    # The header of cube.img may be cube.img.hdr, too.
-    candidates |= {path.with_name(f"{path.name}{end}") for end in (".hdr", ".HDR")}
-    companions = [
-        companion for companion in candidates if companion != path and companion.is_file()
-    ]
-    pair = [path, *sorted(companions)]
-    return pair if any(file.suffix.lower() == ".hdr" for file in pair) else [path]
 
 
 def _checksum(path: Path) -> tuple[int | None, str | None]:

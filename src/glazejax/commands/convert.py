@@ -1,6 +1,5 @@
 """The command ``glazejax convert``: spectra from any format that is known to CSV, CxF3 or ENVI."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -56,6 +55,7 @@ def convert(
     Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
     from ..io.outputs import file_format
+    from ..io.source import with_its_pair
     from ..io.words import parse_grid
 
     try:
@@ -65,7 +65,8 @@ def convert(
     # A library is two files.
     endings = (".hdr", ".sli") if file_format(target, to) == "envi" else ()
     targets = [target.with_suffix(ending) for ending in endings] or [target]
-    inputs = _files_of(source)
+    # Of an ENVI file both halves are read.
+    inputs = with_its_pair(source)
     for path in targets:
         options.check_outputs({"OUT": path}, overwrite, pictures=(), inputs=inputs)
     from ..io import read_spectra, write_spectra
@@ -88,21 +89,6 @@ def convert(
         typer.echo(f"note   {note}")
     written = " and ".join(map(str, targets))
     typer.echo(f"wrote  {written}: {_summary(table)}, stored as fractions")
-
-
-def _files_of(source: Path) -> list[Path]:
-    """Files that are read for IN: of ENVI a header and its data."""
-    from ..io.files.read import envi_file
-    from ..io.source import split_sheet
-
-    file, _ = split_sheet(source)
-    # A pipe can be read once.
-    if file.is_file():
-        # What is wrong with it is said where it is read whole.
-        with suppress(OSError, ValueError):
-            envi = envi_file(file)
-            return [source, envi.path, envi.data]
-    return [source]
 
 
 def _summary(table: "SpectraTable") -> str:

@@ -33,6 +33,7 @@ MAX_TEXT = 1 << 24
 MAX_WORDS = 1_500_000
 DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
 """Endings of the binary half of an ENVI pair, next to its .hdr."""
+_ENVI = ("", ".hdr", *(f".{ending}" for ending in DATA_ENDINGS))
 WORKBOOKS: tuple[str, ...] = (".xlsx", ".xlsm", ".xls", ".ods")
 """Endings of workbooks, of which FILE:SHEET names a sheet."""
 # Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
@@ -310,6 +311,20 @@ def is_there(path: str | Path) -> bool:
         return not stat.S_ISDIR(os.stat(path).st_mode)
     except (OSError, ValueError):
         return False
+
+
+def with_its_pair(path: Path) -> list[Path]:
+    """A file and, where it is half of an ENVI pair, the other half."""
+    if path.suffix.lower() not in _ENVI or path.is_dir():
+        return [path]
+    candidates = {path.with_suffix(end) for word in _ENVI for end in (word, word.upper())}
+    # The header of cube.img may be cube.img.hdr, too.
+    candidates |= {path.with_name(f"{path.name}{end}") for end in (".hdr", ".HDR")}
+    companions = [
+        companion for companion in candidates if companion != path and companion.is_file()
+    ]
+    pair = [path, *sorted(companions)]
+    return pair if any(file.suffix.lower() == ".hdr" for file in pair) else [path]
 
 
 def split_sheet(path: Path) -> tuple[Path, str]:

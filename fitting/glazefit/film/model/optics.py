@@ -26,7 +26,7 @@ class Optics(NamedTuple):
         """Plain numbers of an instrument (see `glazejax.geometry.resolve_instrument`).
 
         Raises:
-            ValueError: an angle that is an array or traced.
+            ValueError: several angles of a kind, or one that is traced.
         """
         seen_by = resolve_instrument(instrument)
         geometry = seen_by.geometry
@@ -66,8 +66,9 @@ class Optics(NamedTuple):
 
 def _number(cosine: ArrayLike) -> float:
     value = concrete(cosine)
-    if value is None or value.ndim:
+    if value is None:
         raise ValueError(
-            "a film's table is made for one pair of angles: give them as numbers, not as arrays"
+            "a film's table is made for one pair of angles: give them as numbers, not as what JAX "
+            "traces"
         )
     return float(value)
