@@ -3,14 +3,13 @@ probabilities out.
 """
 
 from collections.abc import Mapping
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.command_line import command_line, ground_file, option
+from glazejax.commands.command_line import changed, command_line, ground_file, option
 from glazejax.commands.help_groups import help_groups
 
 from ..page import subject as head
@@ -223,8 +222,7 @@ def _identify(
     top, report, opaque = typed["top"], typed["report"], typed["opaque"]
     search = facts.read_search(typed, console)
     if search.by_family:
-        usual = signature(identify).parameters
-        unused = [option(name) for name in _OF_PAINTS if typed[name] != usual[name].default]
+        unused = changed(identify, {name: typed[name] for name in _OF_PAINTS})
         if unused:
             note = "no effect on families of pigments, only on paints (--catalogue oils)"
             progress.print_notes(console, ", ".join(unused), (note,))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.command_line import ground_file
+from glazejax.commands.command_line import changed, ground_file
 from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
@@ -210,16 +210,16 @@ def recipe(
     if after is not None and named:
         raise ValueError(f"{named[0]} is for recipes; --after writes nothing: leave it out")
     searched = {
-        "--glazes": glazes,
-        "--max-paints": max_paints is not None,
-        "--max-coats": max_coats is not None,
-        "--coat-thickness": coat_thickness is not None,
-        "--test-illuminant": test_illuminant != "A",
-        "--metamerism": metamerism != 0.2,
-        "--count": count != 5,
-        "--seed": seed != 0,
+        "glazes": glazes,
+        "max_paints": max_paints,
+        "max_coats": max_coats,
+        "coat_thickness": coat_thickness,
+        "test_illuminant": test_illuminant,
+        "metamerism": metamerism,
+        "count": count,
+        "seed": seed,
     }
-    unused = [option for option, stated in searched.items() if stated]
+    unused = changed(recipe, searched)
     if after is not None and unused:
         raise ValueError(
             f"{unused[0]} is for recipes; --after adds one or two paints to a mixture: leave it out"

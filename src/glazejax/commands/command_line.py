@@ -2,7 +2,10 @@
 
 import shlex
 import sys
+from collections.abc import Callable, Mapping
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 # Arguments whose option is called otherwise.
 _NAMES = {"binned": "bin"}
@@ -11,6 +14,12 @@ _NAMES = {"binned": "bin"}
 def option(name: str) -> str:
     """Spelling of an argument on the command line."""
     return f"--{_NAMES.get(name, name).replace('_', '-')}"
+
+
+def changed(command: Callable[..., object], values: Mapping[str, Any]) -> list[str]:
+    """Options of a command, of these values by argument, that are not as by default."""
+    usual = signature(command).parameters
+    return [option(name) for name, value in values.items() if value != usual[name].default]
 
 
 def command_line() -> str:

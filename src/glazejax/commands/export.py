@@ -10,7 +10,7 @@ import typer
 from ..appearance.exports.spaces import LAYERINGS, find_space
 from ..paint.describe import MAX_THICKNESS, name_paints, names_file, parse_coats
 from . import options
-from .command_line import ground_file
+from .command_line import changed, ground_file
 from .help_groups import help_groups
 from .progress import follow, plain_console
 
@@ -163,20 +163,17 @@ def export(
     from .main import start_jax
 
     for_textures = {
-        "--thickness-map": thickness_map,
-        "--fraction-map": fraction_map,
-        "--ground-map": ground_map,
-        "--thickness-range": thickness_range,
-        "--pixel": pixel,
-        "--layer": None if layer == 1 else layer,
-        "--format": None if format == "png" else format,
-        "--delta-e": None if delta_e == 0.1 else delta_e,
+        "thickness_map": thickness_map,
+        "fraction_map": fraction_map,
+        "ground_map": ground_map,
+        "thickness_range": thickness_range,
+        "pixel": pixel,
+        "layer": layer,
+        "format": format,
+        "delta_e": delta_e,
     }
-    for_openpbr = {
-        "--layering": None if layering == "materialx" else layering,
-        "--tolerance": None if tolerance == 1e-4 else tolerance,
-    }
-    _check_kind(to, for_textures, for_openpbr)
+    for_openpbr = {"layering": layering, "tolerance": tolerance}
+    _check_kind(to, changed(export, for_textures), changed(export, for_openpbr))
     path = Path(_USUAL[to]) if out is None else out
     if to == "openpbr" and path.suffix.lower() != ".mtlx":
         raise ValueError(f"--out {path}: a MaterialX file ends in .mtlx")
@@ -245,12 +242,8 @@ def export(
     console.print(f"done in {time.perf_counter() - started:.1f} s")
 
 
-def _check_kind(to: str, for_textures: dict[str, Any], for_openpbr: dict[str, Any]) -> None:
-    """Refuse what cannot be meant, before anything is loaded; None is what was left out."""
-    of_textures, of_openpbr = (
-        [option for option, value in values.items() if value is not None]
-        for values in (for_textures, for_openpbr)
-    )
+def _check_kind(to: str, of_textures: list[str], of_openpbr: list[str]) -> None:
+    """Refuse what cannot be meant, before anything is loaded, by the options that were stated."""
     if to != "textures" and of_textures:
         raise ValueError(f"{of_textures[0]} is for textures: add --to textures")
     if to != "openpbr" and of_openpbr:
