@@ -7,10 +7,10 @@ many truths the share of draws below the truth is uniform in [0, 1] if posterior
 Betancourt, Simpson, Vehtari and Gelman, arXiv:1804.06788). A heap at both ends says that posteriors
 are too narrow, one in the middle that they are too wide, one at one end that they are shifted.
 
-film: one to three paints of the catalogue, all else drawn from `glazefit.Prior`. Thicknesses and
-fractions are ranked as the readings show them, times the strength of their paints: what strength
-adds is drawn, not measured. bands: k d and s d
-of every band drawn from the prior of `posterior_of_bands`, each band by itself. coats: a glaze of a
+film: one to three paints of the catalogue, off by what they state, read with the model's own error;
+all else drawn from `glazefit.Prior`. Thicknesses and fractions are ranked as the readings show
+them, times the strength of their paints: what strength adds is drawn, not measured. bands: k d and
+s d of every band drawn from the prior of `posterior_of_bands`, each band by itself. coats: a glaze of a
 known paint over a body of two. unknown, two grounds and unknown, one ground: a coat whose k d and s d
 are drawn from `glazefit.SpectraPrior` over 30 um of a known paint.
 
@@ -31,13 +31,14 @@ from benchmarks.paint.layers_inverted import (
     held,
     known_paints,
     posed_stacks,
+    real_spectra,
     shown_spread,
     side_by_side,
     smooth_errors,
     unknown_paint,
+    with_model_errors,
 )
 from benchmarks.results import Results, command_line, percent, progress, quantity
-from benchmarks.rivals.baselines import spectra_of
 
 NEEDS = ("matplotlib",)
 NEEDS_SIZE = ("one_ground_apart",)
@@ -97,14 +98,11 @@ def simulate(
     shine = rng.uniform(size=count)
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
     off = smooth_errors(rng, error, 1, prior.error_length, grid)[:, 0]
-    mixed = [
-        np.tensordot(shares, spectra_of(own), 1)
-        for shares, own in zip(fractions, chosen, strict=True)
-    ]
-    optical = np.stack(mixed) * thickness[:, None, None] * off
+    mixed = np.einsum("fp,fpcb->fcb", fractions, real_spectra(rng, chosen))
+    optical = mixed * thickness[:, None, None] * off
     ground = np.broadcast_to(np.stack(usual_cards(grid), axis=-1), (count, grid.size, 2))
 
-    def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray) -> np.ndarray:
+    def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray, *, painted: bool) -> np.ndarray:
         body = Optics.of(instrument).body(
             jnp.asarray(k)[..., None, None],
             jnp.asarray(s)[..., None, None],
@@ -112,10 +110,12 @@ def simulate(
             1e-5,
         )
         exact = np.asarray(body) + shine[:, None, None] * instrument.seen_surface
+        exact = with_model_errors(rng, exact, grid) if painted else exact
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
     empty = np.full((count, grid.size), 1e-12)
-    bare, over = read(empty, empty, np.ones(count)), read(optical[:, 0], optical[:, 1], shine)
+    bare = read(empty, empty, np.ones(count), painted=False)
+    over = read(optical[:, 0], optical[:, 1], shine, painted=True)
     names = tuple(f"film {i}" for i in range(count))
     cards = (bare[..., 0], bare[..., 1], over[..., 0], over[..., 1])
     films = readings(Films(names, grid, *cards), instrument, noise)

@@ -6,7 +6,8 @@ known?
 Known paints: a glaze of one paint of the catalogue over a body of two, thicknesses, fractions,
 gloss and the paints' error drawn from what `glazefit.posterior_of_coats` takes for likely
 (thicknesses about 8 and 30 um); k and s of each coat are then really off by smooth random factors
-of that size. Unknown paint: a coat whose k d and s d are drawn from
+of that size, those of each paint by what it states, and readings by the model's own smooth error.
+Unknown paint: a coat whose k d and s d are drawn from
 `glazefit.SpectraPrior`, over 30 um of a known paint, read over two grounds or over one; and, in
 their place, paints of the catalogue, which no prior drew. Readings come from the public solver at
 an error of 1e-6, over a black and a white ground, every 50 nm, with the noise of `glazefit.Noise`.
@@ -82,6 +83,30 @@ def smooth_errors(
     )
 
 
+def real_spectra(rng: np.random.Generator, chosen: list[list[Any]]) -> np.ndarray:
+    """k and s of each film's paints, (films, paints, 2, bands), off by errors that they state."""
+    from glazefit.film.model.errors import ModelError, stated_modes
+
+    spectra = []
+    for paints in chosen:
+        modes = stated_modes(paints, ModelError(unstated=0.0))
+        off = np.tensordot(rng.standard_normal(len(modes)), modes, 1)
+        spectra.append(spectra_of(paints) * np.exp(off))
+    return np.array(spectra)
+
+
+def with_model_errors(
+    rng: np.random.Generator, exact: np.ndarray, grid: np.ndarray = GRID
+) -> np.ndarray:
+    """Readings, (films, bands, grounds), with the model's own smooth error."""
+    from glazefit.film.model.errors import ModelError, draw_model_errors
+
+    law = ModelError()
+    off = draw_model_errors(rng, len(exact), exact.shape[-1], grid, law)
+    # They are drawn for a reflectance of 0.
+    return exact + np.swapaxes(off, 1, 2) * (1.0 + law.share / law.amplitude * exact)
+
+
 def read(
     rng: np.random.Generator, optical: np.ndarray, gloss: np.ndarray, grounds: np.ndarray, tag: str
 ) -> list[Any]:
@@ -102,6 +127,7 @@ def read(
         tolerance=1e-6,
     )
     exact = np.asarray(body) + gloss[:, None, None] * instrument.seen_surface
+    exact = with_model_errors(rng, exact)
     seen = np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
     under, names = np.broadcast_to(GROUNDS, seen.shape[1:]), ("black", "white")
     films = []
@@ -137,7 +163,7 @@ def known_paints(count: int, rng: np.random.Generator) -> Simulated:
         rng.uniform(size=count),
     )
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(count))
-    paints = np.array([spectra_of(p) for p in chosen])
+    paints = real_spectra(rng, chosen)
     body = np.einsum("fp,fpcb->fcb", share, paints[:, 1:])
     optical = np.stack([paints[:, 0], body], axis=1) * thick[:, :, None, None]
     optical = optical * smooth_errors(rng, error, 2, prior.error_length)
@@ -174,7 +200,8 @@ def unknown_paint(count: int, rng: np.random.Generator) -> Simulated:
     )
     below = [shelf[i] for i in rng.choice(len(shelf), films)]
     error = prior.error * np.exp(prior.error_spread * rng.standard_normal(films))
-    optical = np.stack([top, spectra_of(below) * BODY], axis=1)
+    under = real_spectra(rng, [[paint] for paint in below])[:, 0]
+    optical = np.stack([top, under * BODY], axis=1)
     optical[:, 1:] *= smooth_errors(rng, error, 1, prior.error_length)
     gloss = rng.uniform(size=films)
     coats = [[CoatPrior(), CoatPrior([paint], BODY)] for paint in below]
@@ -204,9 +231,16 @@ def side_by_side(problems: Iterable[Any]) -> Any:
             paints[coat] += 1
             name = f"fraction {paints[coat]}{of}{coat}"
         reported.append(asked._replace(name=name))
-    data = jax.tree.map(
-        lambda *arrays: jnp.concatenate(arrays), first.data, *(other.data for other in others)
-    )
+    # Paints state different numbers of errors.
+    stated = [problem.data.stated for problem in (first, *others)]
+    most = max(modes.shape[1] for modes in stated)
+    blocks_data = [
+        problem.data._replace(
+            stated=jnp.pad(modes, ((0, 0), (0, most - modes.shape[1]), *3 * ((0, 0),)))
+        )
+        for problem, modes in zip((first, *others), stated, strict=True)
+    ]
+    data = jax.tree.map(lambda *arrays: jnp.concatenate(arrays), *blocks_data)
     blocks = tuple(block for problem in (first, *others) for block in problem.blocks)
     return replace(first, blocks=blocks, data=data, quantities=tuple(reported))
 

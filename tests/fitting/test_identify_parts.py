@@ -158,7 +158,16 @@ def problem():
 def test_evidence_is_the_integral_of_the_posterior(problem):
     response, paints, ground, weights = problem
     steps = jnp.asarray(14)
-    fitted = fit_films(response, paints, BOTH, jnp.zeros((1, 2)), ground, weights, steps=steps)
+    fitted = fit_films(
+        response,
+        paints,
+        BOTH,
+        jnp.zeros((1, 2)),
+        ground,
+        weights,
+        steps=steps,
+        along=jnp.asarray(False),
+    )
     centre = np.asarray(fitted.logs[0])
     assert_allclose(np.exp(centre), [0.7, 0.5], rtol=0.03)
     sd = np.sqrt(np.diagonal(fitted.covariance[0]))
@@ -188,7 +197,16 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     alone = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
     start = jnp.full((1, 2), np.log(0.45))
     few, many = (
-        fit_films(response, paints, BOTH, start, ground, alone, steps=jnp.asarray(steps))
+        fit_films(
+            response,
+            paints,
+            BOTH,
+            start,
+            ground,
+            alone,
+            steps=jnp.asarray(steps),
+            along=jnp.asarray(False),
+        )
         for steps in (8, 60)
     )
     assert np.exp(many.logs[0, 1]) < 0.02

@@ -4,10 +4,14 @@ the catalogue's.
 A catalogue never fits to the noise. Its error is a relative one: log k and log s of each coat of
 known paints are each off by a smooth random function of wavelength, delta, Gaussian with a
 Matérn-3/2 correlation, K = (1 + x) exp(-x) with x = sqrt(3)|l - l'| / length, which forgives
-sharper errors than a smoother law. Their standard deviation e may itself be unknown.
+sharper errors than a smoother law. Their standard deviation e may itself be unknown. To these come
+the errors that each paint states, M, of which a coat's k has the mean by the paints' parts of k,
+its s by those of s; and the model's own smooth error, A, which films over two cards share in part
+(`glazefit.film.model.errors.ModelError`, as for a search).
 
 The errors, two a band and coat, are integrated out. Readings are linear in them, so that a film's
-readings are Gaussian with covariance C = diag(v) + e^2 J K J^T, variances v by noise and grounds.
+readings are Gaussian with covariance C = V + e^2 J K J^T, where V = diag(v) + A + J M M^T J^T has
+the variances v by noise and grounds.
 
 Where the slopes J come from a table (`Film.tabulated`), they are those of each place. One set of
 slopes for all of a wide posterior would make one end of it too sure: a clear coat shows every error
@@ -15,7 +19,7 @@ of the coat below, an opaque one none.
 
 Elsewhere they are those about the errors' likeliest values delta*. A film 30 % off its catalogue
 has other slopes than the catalogue's film. With f(delta) the readings, their mean is
-f(delta*) - J delta*. With W that makes diag(v) unity and J K J^T diagonal, b, the residuals are
+f(delta*) - J delta*. With W that makes V unity and J K J^T diagonal, b, the residuals are
 W (reading - mean) / sqrt(1 + e^2 b) and the determinant is that of 1 + e^2 b: sampling needs no
 factorisation.
 """
@@ -42,7 +46,7 @@ from .forward import (
     Terms,
     slopes,
 )
-from .model.errors import paint_covariance
+from .model.errors import paint_covariance, whitening
 from .numerics.least_squares import root_of_log1p
 
 
@@ -52,9 +56,34 @@ def _caused(
     """Covariance J K J^T of readings, band after band and ground after ground, for errors of size
     1 (`paint_covariance`).
     """
-    rows = by_log.reshape(*by_log.shape[:-2], -1)
-    grounds = by_log.shape[-1]
+    *leading, bands, grounds = by_log.shape
+    # Of no error there is no size to be worked out.
+    rows = by_log.reshape(*leading, bands * grounds)
     return paint_covariance(rows, smooth.repeat(grounds, axis=0).repeat(grounds, axis=1))
+
+
+def _of_model(readings: Float[Any, "*films rows"], shared: FilmShared) -> Any:
+    """Covariance of the model's own error, of readings as they are computed: of measured ones,
+    those that happen to be low would count for more.
+    """
+    amplitude, growth = shared.model_size
+    size = amplitude + growth * readings
+    return size[..., :, None] * size[..., None, :] * shared.model
+
+
+def _stated(film: Film, free: PerUnknown, data: FilmData) -> Float[Array, "modes errors bands"]:
+    """Errors M of log k and log s of each coat by what its paints state; of a film that is
+    tabulated those of the known coats alone.
+    """
+    coats = []
+    for n, members in enumerate(film.paints):
+        if n == film.unknown_coat and film.tabulated:
+            continue
+        parts = film.parts(n, free, data)
+        share = parts / jnp.maximum(parts.sum(axis=-1, keepdims=True), 1e-30)
+        coats.append(jnp.einsum("mpcb,cbp->mcb", data.stated[:, members], share))
+    modes, *_, bands = data.stated.shape
+    return jnp.concatenate([jnp.zeros((modes, 0, bands)), *coats], axis=1)
 
 
 def _variance(data: FilmData, linear: Slopes) -> Any:
@@ -84,13 +113,25 @@ class PaintErrors:
         precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
         white = (off * precision).reshape(-1)
         log_determinants = [root_of_log1p(through).reshape(-1)]
-        if len(linear.by_log):
-            caused = _caused(linear.by_log * precision, shared.smooth)
-            root = jnp.linalg.cholesky(jnp.eye(white.size) + size**2 * caused)
+        if film.error:
+            by_log = linear.by_log * precision
+            stated = jnp.einsum("meb,ebg->mbg", _stated_of_known(film, data), by_log)
+            stated = stated.reshape(len(stated), white.size)
+            of_model = _of_model((data.reflectance - off).reshape(-1), shared)
+            of_model = of_model * jnp.outer(precision, precision)
+            caused = size**2 * _caused(by_log, shared.smooth) + stated.T @ stated + of_model
+            root = jnp.linalg.cholesky(jnp.eye(white.size) + caused)
             white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
             # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
             log_determinants.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
         return jnp.concatenate([white, *log_determinants])
+
+
+def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "modes errors bands"]:
+    """`_stated` where all fractions are known; the same at each place, so that it is computed once
+    for all.
+    """
+    return _stated(film, jnp.zeros(film.dims, data.sd.dtype), data)
 
 
 def _size(film: Film, free: PerUnknown) -> Scalar:
@@ -161,22 +202,38 @@ class ScaledReadings:
     ) -> Float[Array, "bands grounds"]:
         """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
         off, linear = _look(self.film, jnp.exp(logs), free, data, shared)
-        variance = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
-        return off / jnp.sqrt(
-            _variance(data, linear) + variance * jnp.sum(linear.by_log**2, axis=0)
-        )
+        smooth = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
+        caused = smooth * jnp.sum(linear.by_log**2, axis=0)
+        stated = _stated_of_known(self.film, data)
+        covariance = jnp.einsum("meb,mfb->efb", stated, stated)
+        caused += jnp.einsum("ebg,efb,fbg->bg", linear.by_log, covariance, linear.by_log)
+        amplitude, growth = shared.model_size
+        caused += (amplitude + growth * (data.reflectance - off)) ** 2
+        return off / jnp.sqrt(_variance(data, linear) + caused)
 
 
 @functools.partial(Program, fixed=("film",))
 def without_errors(
     film: Film, free: Float[Array, "films dims"], data: FilmData, shared: FilmShared
-) -> tuple[Float[Array, "films errors bands"], Float[Array, "films"]]:
-    """Log k d and log s d of the coats without error, and what the surface adds to a reading."""
-    thickness, above = jax.vmap(lambda f, d: (film.optical(f, d, shared), film.surface(f, shared)))(
-        free, data
-    )
+) -> tuple[
+    Float[Array, "films errors bands"],
+    Float[Array, "films"],
+    Float[Array, "films modes errors bands"],
+]:
+    """Log k d and log s d of the coats without error, what the surface adds to a reading, and the
+    errors that paints state (`_stated`).
+    """
+
+    def one(free: Array, data: FilmData) -> tuple[Array, Array, Array]:
+        return (
+            film.optical(free, data, shared),
+            film.surface(free, shared),
+            _stated(film, free, data),
+        )
+
+    thickness, above, stated = jax.vmap(one)(free, data)
     logs = jnp.moveaxis(jnp.log(jnp.maximum(thickness, 1e-9)), -1, 1)
-    return logs.reshape(len(logs), -1, logs.shape[-1]), above
+    return logs.reshape(len(logs), -1, logs.shape[-1]), above, stated
 
 
 def usual_errors(data: FilmData, errors: int) -> Expansion:
@@ -206,33 +263,43 @@ def expand(
     Newton from those before.
     """
     assert data.expansion is not None
-    logs, above = map(np.asarray, without_errors(film, free, data, shared))
+    logs, above, stated = map(np.asarray, without_errors(film, free, data, shared))
     unexplained = np.asarray(data.reflectance) - above[:, None, None]
     share = np.exp(2.0 * free[:, -1])[:, None, None]
     smooth = np.asarray(shared.smooth)
     delta = np.asarray(data.expansion.shift)
-    for _ in range(steps):
+
+    def look(delta: np.ndarray) -> tuple[Slopes, np.ndarray, np.ndarray, np.ndarray]:
+        """Slopes at some errors; those by log k and log s, those by what is stated, and V."""
         linear = slopes(film, shared.response, logs + delta, data.ground)
         by_log = np.asarray(linear.by_log)
-        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
-        covariance = share * _caused(by_log, smooth)
         variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
-        covariance += np.eye(variance.shape[1]) * variance[:, None]
-        pull = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1)).reshape(target.shape)
-        step = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth) - delta
+        by_stated = np.einsum("fmeb,febg->fmbg", stated, by_log)
+        by_stated = by_stated.reshape(*stated.shape[:2], variance.shape[1])
+        computed = np.asarray(linear.body + above[:, None, None]).reshape(variance.shape)
+        fixed = np.asarray(_of_model(computed, shared)) + np.swapaxes(by_stated, 1, 2) @ by_stated
+        return linear, by_log, by_stated, fixed + np.eye(variance.shape[1]) * variance[:, None]
+
+    for _ in range(steps):
+        linear, by_log, by_stated, fixed = look(delta)
+        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
+        covariance = share * _caused(by_log, smooth) + fixed
+        flat = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1))
+        pull = flat.reshape(target.shape)
+        likely = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth)
+        likely += np.einsum("fmeb,fm->feb", stated, (by_stated @ flat)[..., 0])
+        step = likely - delta
         # A step of more than 1 in log k or log s goes beyond where slopes hold.
         delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
-    linear = slopes(film, shared.response, logs + delta, data.ground)
-    by_log = np.asarray(linear.by_log)
-    root = 1.0 / np.sqrt(np.asarray(_variance(data, linear)))
-    caused = _caused(by_log * root[:, None], smooth)
+    linear, by_log, _, fixed = look(delta)
+    basis = whitening(fixed).basis
+    caused = basis @ _caused(by_log, smooth) @ np.swapaxes(basis, 1, 2)
     spread, axes = np.linalg.eigh(caused)
-    whiten = np.swapaxes(axes, 1, 2) * root.reshape(len(root), 1, -1)
     return data._replace(
         expansion=Expansion(
             shift=delta,
             offset=-np.einsum("febg,feb->fbg", by_log, delta),
-            whiten=whiten,
+            whiten=np.swapaxes(axes, 1, 2) @ basis,
             spread=np.sqrt(np.maximum(spread, 0.0)),
         )
     )

@@ -71,6 +71,8 @@ class FilmData(NamedTuple):
     ground: PerReading
     sd: PerReading
     ground_sd: PerReading
+    # Independent errors of size one that the paints state, of log k and of log s
+    stated: Float[Any, "*blocks modes paints 2 bands"]
     # Of a film that is not `Film.tabulated`.
     expansion: Expansion | None = None
     # Of one that is, of several coats: readings over each ground, their slopes by each ground, then
@@ -85,6 +87,10 @@ class FilmShared(NamedTuple):
     response: FilmResponse | None  # of a single coat
     surface: Float[Any, ""]  # what a glossy surface adds to a reading
     smooth: Float[Any, "bands bands"]  # covariance of paints' errors of size 1
+    # The model's own error: its size at a reflectance of 0, by how much that grows with the
+    # reflectance, and its correlation, band after band and ground after ground
+    model_size: Float[Any, "2"]
+    model: Float[Any, "rows rows"]
     mean: Float[Any, "dims"]  # of the unknowns' prior
     sd: Float[Any, "dims"]
     levels: Float[Any, "2"]  # means of log k d and log s d of an unknown paint
@@ -162,21 +168,24 @@ class Film:
         self, free: PerUnknown, data: FilmData, shared: FilmShared
     ) -> Float[Array, "2 bands coats"]:
         """Optical thicknesses k d and s d of all coats, top first, without errors of the paints."""
-        positions = self.places
         coats = []
-        for n, members in enumerate(self.paints):
+        for n in range(len(self.sizes)):
             if n == self.unknown_coat:
-                logs = shared.levels[:, None] + shared.modes @ free[positions.spectra]
+                logs = shared.levels[:, None] + shared.modes @ free[self.places.spectra]
                 coats.append(jnp.exp(logs))
                 continue
-            amounts = data.shares[members]
-            if self.fractions[n]:
-                amounts = jnp.exp(log_fractions(free[positions.ratios[n]]))
-            # Of no unknown the sum is 0.
-            amounts = amounts * jnp.exp(jnp.sum(free[positions.thickness[n]]))
-            coefficients = (data.absorption[:, members], data.scattering[:, members])
-            coats.append(jnp.stack([coefficient @ amounts for coefficient in coefficients]))
+            coats.append(self.parts(n, free, data).sum(axis=-1))
         return jnp.stack(coats, axis=-1)
+
+    def parts(self, n: int, free: PerUnknown, data: FilmData) -> Float[Array, "2 bands paints"]:
+        """Optical thicknesses k d and s d of each paint of a coat, without errors of the paints."""
+        members, positions = self.paints[n], self.places
+        amounts = data.shares[members]
+        if self.fractions[n]:
+            amounts = jnp.exp(log_fractions(free[positions.ratios[n]]))
+        # Of no unknown the sum is 0.
+        amounts = amounts * jnp.exp(jnp.sum(free[positions.thickness[n]]))
+        return jnp.stack([data.absorption[:, members], data.scattering[:, members]]) * amounts
 
     def surface(self, free: PerUnknown, shared: FilmShared) -> Scalar:
         """Reflectance that the surface adds to a reading."""
@@ -262,6 +271,8 @@ def pose_each_band(
         response=film_response(instrument),
         surface=np.array(surface),
         smooth=np.ones((1, 1)),
+        model_size=np.zeros(2),
+        model=np.eye(readings.ground.shape[-1]),
         mean=np.zeros(2),
         sd=np.ones(2),
         levels=np.zeros(2),
@@ -271,6 +282,7 @@ def pose_each_band(
         absorption=no_paint,
         scattering=no_paint,
         shares=no_paint[:, 0],
+        stated=np.zeros((len(no_paint), 0, 0, 2, 1)),
         **{name: values[:, None] for name, values in readings._asdict().items()},
     )
     return film, data, shared

@@ -14,7 +14,7 @@ from glazejax.spectra import Bands
 from ..film.errors import PaintErrors, ScaledReadings, usual_errors, without_errors
 from ..film.films import CardReadings, Instrument, Reading
 from ..film.forward import Film, FilmData, FilmShared, tabulate
-from ..film.model.errors import Prior, smooth_kernel
+from ..film.model.errors import ModelError, Prior, model_correlation, smooth_kernel, stated_modes
 from ..film.model.optics import Optics
 from ..film.model.response import film_response
 from ..film.model.variation import STRENGTH
@@ -33,6 +33,7 @@ def pose_stack(
     prior: Prior,
     spectra: SpectraPrior,
     *,
+    discrepancy: ModelError | None = None,
     kind: str = "stack",
 ) -> FilmProblem:
     """Problem of a film of coats.
@@ -43,6 +44,8 @@ def pose_stack(
         instrument: that read it.
         prior: usual thickness, its spread, fractions' concentration and the paints' error.
         spectra: of an unknown paint.
+        discrepancy: of the model; by default that of a search, but that a paint which does not
+            state its errors has those of unknown size alone (`Prior.error`).
         kind: of the problem; names of "paints" do not say which coat they are of.
 
     Raises:
@@ -67,10 +70,18 @@ def pose_stack(
         [prior.thickness if coat.thickness is None else coat.thickness for coat in coats]
     )
     spread = np.array([coat.spread or prior.spread for coat in coats])
+    discrepancy = discrepancy or ModelError(unstated=0.0)
+    grounds = len(reading.grounds)
+    model = model_correlation(grid, grounds, discrepancy.length, discrepancy.shared)
+    bands_first = np.arange(len(model)).reshape(grounds, grid.size).T.ravel()
     # k and s of all paints, (paints, 2, bands).
+    paints = [paint for coat in coats for paint in coat.paints]
     coefficients = np.array(
-        [[paint.absorption, paint.scattering] for coat in coats for paint in coat.paints], float
+        [[paint.absorption, paint.scattering] for paint in paints], float
     ).reshape(-1, 2, grid.size)
+    stated = np.zeros((0, 0, 2, grid.size))
+    if paints:
+        stated = stated_modes(paints, discrepancy)
     depth = coefficients * np.repeat(median, film.sizes)[:, None, None]
     law = FilmPrior(film, prior.concentration_known)
     shares = [coat.shares for coat in coats]
@@ -79,6 +90,8 @@ def pose_stack(
         response=film_response(instrument) if len(coats) == 1 else None,
         surface=np.array(float(instrument.seen_surface)),
         smooth=smooth_kernel(grid, prior.error_length),
+        model_size=np.array([discrepancy.amplitude, discrepancy.share]),
+        model=model[bands_first][:, bands_first],
         mean=mean,
         sd=sd,
         levels=np.log([spectra.absorption, spectra.scattering]),
@@ -90,12 +103,13 @@ def pose_stack(
         absorption=absorption,
         scattering=scattering,
         shares=np.concatenate(shares)[None],
+        stated=stated[None],
         **{what: getattr(reading, what)[None] for what in CardReadings._fields},
     )
     if not film.tabulated:
         data = data._replace(expansion=usual_errors(data, 2 * len(coats)))
     elif len(coats) > 1:
-        logs, _ = without_errors(film, np.zeros((1, film.dims)), data, shared)
+        logs, *_ = without_errors(film, np.zeros((1, film.dims)), data, shared)
         data = data._replace(table=tabulate(film, np.asarray(logs)[0], reading.ground)[None])
     unknowns, quantities = name_unknowns(
         film, kind=kind, coats=coats, median=median, spread=spread, grid=grid, shared=shared
@@ -116,7 +130,15 @@ def pose_stack(
         # A band of a solved stack costs some ten times that of a tabulated film.
         bands=grid.size * (1 if len(coats) == 1 or film.tabulated else 10),
         fingerprint=fingerprint(
-            kind, reading, coefficients, expectation, prior, spectra, instrument
+            kind,
+            reading,
+            coefficients,
+            stated,
+            discrepancy,
+            expectation,
+            prior,
+            spectra,
+            instrument,
         ),
         random=sum(film.sizes) + len(film.sizes) if any((*film.fractions, *film.thickness)) else 0,
         # An opaque coat and a thin one may read the same, and each is a narrow valley.

@@ -23,7 +23,7 @@ from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, Reading, readings
 from ..film.gloss import estimate_gloss
-from ..film.model.errors import Prior
+from ..film.model.errors import ModelError, Prior
 from ..film.problem import FilmProblem
 from ..film.sample import Chain, draw_chain
 from ..film.sampling import Sampling, SamplingOptions
@@ -293,6 +293,7 @@ def posterior_of_film(
     *,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     **sampling: Unpack[SamplingOptions],
 ) -> Posterior:
@@ -306,6 +307,9 @@ def posterior_of_film(
         pigments: one to five, with k and s in 1/m.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading.
+        discrepancy: errors of the model, and of paints at most; by default those that films showed.
+            What paints state of their errors counts, and further ones of a size that is not known
+            (`Prior.error`).
         prior: of the film.
         sampling: sampler, steps, walkers, thin, seed, path, resume, overwrite and progress, see
             `glazefit.film.sampling.Sampling`.
@@ -323,7 +327,13 @@ def posterior_of_film(
         raise ValueError(f"0 paints were given for {reading.name!r}; name one at least")
     coats = [CoatPrior(pigments)]
     problem = pose_stack(
-        reading, coats, instrument, prior or Prior(), SpectraPrior(), kind="paints"
+        reading,
+        coats,
+        instrument,
+        prior or Prior(),
+        SpectraPrior(),
+        discrepancy=discrepancy,
+        kind="paints",
     )
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
@@ -334,6 +344,7 @@ def posterior_of_coats(
     *,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
+    discrepancy: ModelError | None = None,
     prior: Prior | None = None,
     spectra: SpectraPrior | None = None,
     **sampling: Unpack[SamplingOptions],
@@ -350,7 +361,7 @@ def posterior_of_coats(
         coats: top first, at most six, with an unknown paint in one of them at most; what is not
             known of each is found.
         spectra: what is likely of an unknown paint's k and s.
-        instrument, noise, prior, sampling: see `posterior_of_film`.
+        instrument, noise, discrepancy, prior, sampling: see `posterior_of_film`.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that
@@ -360,7 +371,14 @@ def posterior_of_coats(
     instrument = resolve_instrument(instrument)
     coats = check_coats(coats)
     reading = _single_reading(film, instrument, noise or Noise())
-    problem = pose_stack(reading, coats, instrument, prior or Prior(), spectra or SpectraPrior())
+    problem = pose_stack(
+        reading,
+        coats,
+        instrument,
+        prior or Prior(),
+        spectra or SpectraPrior(),
+        discrepancy=discrepancy,
+    )
     return sample(*solve(problem, seed=options.seed), (reading,), options)
 
 

@@ -274,6 +274,21 @@ def error_modes(
     return out
 
 
+def stated_modes(
+    pigments: Sequence[Pigment], discrepancy: ModelError
+) -> Float[np.ndarray, "modes paints 2 bands"]:
+    """Independent errors of size one of log k and log s, all that pigments state: their error
+    modes, and what their standard deviations say beyond these, smooth, of each k and s by itself.
+    """
+    count, grid = len(pigments), pigments[0].wavelengths
+    shared = np.moveaxis(error_modes(pigments, discrepancy), -1, 0)
+    smooth = smooth_modes(grid, discrepancy.coefficient_length, 12)
+    sizes = relative_errors(pigments, discrepancy)
+    each = np.einsum("pq,cd,mb,pcb->mpcqdb", np.eye(count), np.eye(2), smooth, sizes)
+    modes = np.concatenate([shared, each.reshape(-1, *shared.shape[1:])])
+    return modes[modes.any(axis=(1, 2, 3))]
+
+
 def modes_covariance(
     slopes: Float[np.ndarray, "*n errors readings"],
     modes: Float[np.ndarray, "*n errors bands modes"],

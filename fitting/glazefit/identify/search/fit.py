@@ -23,6 +23,7 @@ from glazejax.radiative.common.chunks import by_blocks
 from ...film.model.errors import Whitening, whitening
 from ...film.model.response import FilmResponse
 from ...film.numerics.least_squares import damped_newton, inverse_small
+from ...film.numerics.weighted import variance_along
 from .pool import NOBODY, Pool
 from .screen import grow_triples
 from .table import Block, FilmTable, NearestSets, Paints
@@ -124,6 +125,8 @@ def fit_all(
     own: FilmNumbers,
     steps: int,
     block: int,
+    *,
+    along: bool = False,
 ) -> Fitted:
     """Films fitted in single precision, in which evidences are good to a thousandth, and amounts to
     a hundredth where readings hardly determine them.
@@ -137,6 +140,7 @@ def fit_all(
         own: number of each film's errors among these.
         steps: of Newton's method.
         block: films that are fitted at a time.
+        along: see `fit_films`.
     """
     task = chunk.task
     single = task.single
@@ -148,7 +152,7 @@ def fit_all(
     def run(n: Block) -> Fitted:
         weights = Weights(target[row[n]], basis[own[n]], height[own[n]], expected)
         start = sets[n], logs[n], grounds[row[n]]
-        return fit_films(*single, *start, weights, steps=np.asarray(steps))
+        return fit_films(*single, *start, weights, steps=np.asarray(steps), along=np.asarray(along))
 
     return Fitted(*(values.astype(np.float64) for values in by_blocks(len(sets), block, run)))
 
@@ -198,6 +202,7 @@ def fit_films(
     ground: Array,
     weights: Weights,
     steps: Array,
+    along: Array,
 ) -> Fitted:
     """Fit candidates of one coat, each with a ground and weights of its own.
 
@@ -209,8 +214,10 @@ def fit_films(
         ground: internal reflectance, (films, grounds, bands).
         weights: of each candidate.
         steps: of Newton's method; many where the start is far. One program serves any number.
+        along: whether the variance of the log thickness is that of the density along it
+            (`film.numerics.weighted.variance_along`), not Laplace's.
     """
-    each = functools.partial(_fit_film, response, paints, steps=steps)
+    each = functools.partial(_fit_film, response, paints, steps=steps, along=along)
     axes = weights._replace(target=0, basis=0, height=0, expected=None)
     return jax.vmap(each, in_axes=(0, 0, 0, axes))(sets, starts, ground, weights)
 
@@ -223,6 +230,7 @@ def _fit_film(
     ground: Array,
     weights: Weights,
     steps: Array,
+    along: Array,
 ) -> Fitted:
     """Most probable log amounts of one candidate, and its evidence."""
     present = members >= 0
@@ -231,7 +239,7 @@ def _fit_film(
     white = weights.basis
     law = weights.expected.spread, weights.expected.concentration
 
-    def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array, Array]]:
         amounts = jnp.where(present, jnp.exp(logs), 0.0)
         body, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
         readings = body.reshape(-1)
@@ -244,15 +252,40 @@ def _fit_film(
         by_prior, of_prior = prior_terms(logs, present, *law)
         cost = 0.5 * off @ off - log_prior(logs, present, *law)
         hessian = of_prior + of_data + jnp.diag(trace_curvature(by_data, by_prior))
-        return cost, by_prior + by_data, hessian, (readings, of_data)
+        return cost, by_prior + by_data, hessian, (readings, slopes, of_data)
 
     limits = float(np.log(LEAST)), float(np.log(MOST))
-    logs, (_, _, _, (readings, of_data)) = damped_newton(
+    logs, (_, _, _, (readings, slopes, of_data)) = damped_newton(
         look, start, limits, steps=steps, longest=2.0
     )
     _, of_prior = prior_terms(logs, present, *law)
-    log_evidence, spread = _evidence(logs, present, (of_data, of_prior), readings, weights)
-    return Fitted(logs, spread, log_evidence, readings)
+    log_evidence, share = _evidence(logs, present, (of_data, of_prior), readings, weights)
+    # Errors are no smaller than stated because a film is met well.
+    share = jnp.minimum(share, 1.0)
+    spread, _ = inverse_small(share * of_data + of_prior)
+
+    def widened() -> Array:
+        fractions = jax.nn.softmax(logs, where=present)
+        with_all = spread @ fractions
+        variance = fractions @ with_all
+        # Of the log amounts by the log of the thickness, and their covariance if that is known.
+        by_thickness = with_all / variance
+        others = spread - jnp.outer(by_thickness, with_all)
+
+        def density(step: Array) -> Array:
+            at = logs + step * by_thickness
+            amounts = jnp.where(present, jnp.exp(at), 0.0)
+            body, _, _ = response.body_and_slopes(amounts @ k, amounts @ s, ground)
+            off = white @ (weights.target - body.reshape(-1))
+            by_prior, _ = prior_terms(at, present, *law)
+            # The fractions' own step from there, with their slopes at the most probable place.
+            pull = share * slopes @ off - by_prior
+            return log_prior(at, present, *law) - 0.5 * (share * off @ off - pull @ others @ pull)
+
+        by_density = variance_along(density, variance)
+        return spread + (by_density - variance) * jnp.outer(by_thickness, by_thickness)
+
+    return Fitted(logs, jax.lax.cond(along, widened, lambda: spread), log_evidence, readings)
 
 
 def trace_curvature(by_data: PerPaint, by_prior: PerPaint) -> PerPaint:
@@ -305,7 +338,8 @@ def log_prior(
 def _evidence(
     logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
 ) -> tuple[Array, Array]:
-    """Laplace's log evidence of one candidate, and the covariance of u.
+    """Laplace's log evidence of one candidate, and by how much its misfit counts relative to a
+    Gaussian's.
 
     The misfit of a whole spectrum follows Student's t of `independent` readings in all: each weighs
     the less the worse all are met.
@@ -320,7 +354,7 @@ def _evidence(
     likelihood = height - 0.5 * freedom * jnp.log1p(square / expected.freedom)
     data, prior_part = hessian
     share = freedom / (expected.freedom + square)
-    spread, log_det = inverse_small(share * data + prior_part)
+    _, log_det = inverse_small(share * data + prior_part)
     prior = log_prior(logs, present, expected.spread, expected.concentration)
     volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
-    return likelihood + prior + volume, spread
+    return likelihood + prior + volume, share

@@ -64,7 +64,7 @@ def compile_ahead(task: IdentificationTask, grounds: int) -> None:
         expected=task.expected,
     )
     single = jax.tree.map(np.float32, (logs, ground, weights))
-    fit_films.ahead(*task.single, members, *single, steps=np.asarray(0))
+    fit_films.ahead(*task.single, members, *single, steps=np.asarray(0), along=np.asarray(False))
 
 
 class Groups(NamedTuple):
@@ -103,7 +103,7 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     stay = best[row] - fitted.log_evidence <= task.effort.within
     row, column, sets = row[stay], column[stay], sets[stay]
     fitted, groups, _ = fit_with_errors(
-        chunk, row, sets, fitted.logs[stay], fitted.log_evidence[stay]
+        chunk, row, sets, fitted.logs[stay], fitted.log_evidence[stay], along=True
     )
     # Amounts that are shown come near the readings, those that are weighed are kept separately.
     shown = fit_all(
@@ -185,6 +185,8 @@ def fit_with_errors(
     sets: FilmSets,
     logs: FilmLogs,
     log_weight: Float[np.ndarray, "films"],
+    *,
+    along: bool = False,
 ) -> tuple[Fitted, Groups, Whitening]:
     """Films fitted again with the errors of their groups; the groups, and the errors of each.
 
@@ -194,6 +196,7 @@ def fit_with_errors(
         sets: its paints; a negative number is none.
         logs: log amounts to start from.
         log_weight: how probable it was; the most probable film of a group stands for it.
+        along: see `fit_films`.
 
     Returns:
         Films with the prior of their sets in the evidence.
@@ -211,6 +214,7 @@ def fit_with_errors(
         own=groups.of,
         steps=task.effort.steps,
         block=block_size(chunk.target.shape[1]),
+        along=along,
     )
     weighed = fitted.log_evidence + log_set_prior(task, sets)
     return fitted._replace(log_evidence=weighed), groups, errors

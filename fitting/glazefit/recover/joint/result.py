@@ -23,7 +23,7 @@ from ..films.result import (
 )
 from .pose import MOST_ERROR, ModeNumbers
 from .problem import Expectations, FilmShares, JointProblem, Unknowns
-from .solver import JointCovariance
+from .solver import JointCovariance, thickness_variances
 
 JOINT_RULE = (
     f"k and s count as separable where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its "
@@ -162,8 +162,7 @@ class JointRecovery(FittedFilms):
         """Standard deviation of `thickness`: what the readings leave open, and that paints known
         before may be stronger or weaker in these films.
         """
-        films, per_film = self.unknowns.films.shape
-        shown = np.diagonal(self.whole_covariance.of_shared)[: films * per_film : per_film]
+        shown = thickness_variances(self.problem, self.unknowns, self.whole_covariance)
         # What was expected of each film; without a gauge all may share a factor besides.
         prior = self.problem.scale.films[:, 0] ** 2
         if not self.gauged:

@@ -15,6 +15,7 @@ factors. The whole of it, of thousands of coefficients, is never formed. Draws f
 but a few hundred say a small paint's errors no better than to a fifth.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
@@ -27,7 +28,8 @@ from scipy.linalg import get_lapack_funcs
 
 from ...film.model.errors import principal_modes
 from ...film.numerics.least_squares import Descent, Surroundings, descend
-from .problem import JointProblem, JointResiduals, Unknowns, residuals
+from ...film.numerics.weighted import variance_along
+from .problem import JointProblem, JointResiduals, Unknowns, residuals, totals
 
 Vectors: TypeAlias = Float[np.ndarray, "unknowns *columns"]
 """Numbers of all unknowns in a row, or several such columns."""
@@ -90,6 +92,16 @@ def solve_jointly(
         note=note,
     )
     return unflatten(descent.point, start), descent
+
+
+@jax.jit
+def _log_density(
+    problem: JointProblem, point: Unknowns, slope: Unknowns, step: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Log posterior density up to a constant, a step from a point along a slope."""
+    moved = jax.tree.map(lambda start, by_step: start + step * by_step, point, slope)
+    values = residuals(moved, problem)
+    return -0.5 * sum(jnp.sum(block**2) for block in jax.tree.leaves(values))
 
 
 def normal_matrix(
@@ -301,3 +313,26 @@ class JointCovariance(NamedTuple):
             basis, _ = np.linalg.qr(times(basis))
         modes = principal_modes(basis.T @ times(basis))[-count:] @ basis.T
         return modes[::-1].reshape(-1, *size.shape)
+
+
+def thickness_variances(
+    problem: JointProblem, unknowns: Unknowns, covariance: JointCovariance
+) -> Float[np.ndarray, "films"]:
+    """Variance of each film's log thickness at a solution: Laplace's, or that by the density where
+    readings leave much of what was expected open.
+    """
+    films, per_film = problem.scale.films.shape
+    rows = problem.mean.bands.size + per_film * np.arange(films)
+    flat = np.concatenate([np.ravel(block) for block in unknowns])
+    columns = covariance.times(np.eye(flat.size)[:, rows])
+    variances = columns[rows].diagonal().copy()
+    best = totals(unknowns, problem, sign=-1.0)
+    # Where a tenth is left open the density along the thickness is a Gaussian.
+    for film in np.flatnonzero(variances > 0.1 * problem.scale.films[:, 0] ** 2):
+        # All else as is expected of a film whose log thickness is larger by 1.
+        moved = unflatten(flat + columns[:, film] / variances[film], unknowns)
+        slope = jax.tree.map(np.subtract, totals(moved, problem, sign=-1.0), best)
+        variances[film] = variance_along(
+            functools.partial(_log_density, problem, best, slope), variances[film]
+        )
+    return variances
