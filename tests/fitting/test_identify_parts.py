@@ -178,6 +178,44 @@ def test_evidence_is_the_integral_of_the_posterior(problem):
     assert float(fitted.log_evidence[0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
 
 
+def test_variance_of_a_thickness_that_the_readings_bound_on_one_side(problem):
+    response, paints, ground, weights = problem
+    # So thick that thicker films read nearly the same.
+    k, s = (6.0 * values.sum(axis=0) for values in paints)
+    hiding = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
+    start = jnp.full((1, 2), np.log(3.0))
+    fitted, laplace = (
+        fit_films(
+            response,
+            paints,
+            BOTH,
+            start,
+            ground,
+            hiding,
+            steps=jnp.asarray(14),
+            along=jnp.asarray(along),
+        )
+        for along in (True, False)
+    )
+    centre = np.asarray(fitted.logs[0])
+    # Over thickness and the log of the ratio.
+    places = np.linspace(-3.0, 3.0, 161)
+    points = centre + every_pair(places) @ np.array([[1.0, 1.0], [0.5, -0.5]])
+    total = np.asarray(
+        jax.jit(jax.vmap(lambda logs: _log_joint(logs, (response, paints, ground, hiding))))(points)
+    )
+    shares = np.exp(total - total.max())
+    log_thickness = np.log(np.exp(points).sum(axis=1))
+    mean = np.average(log_thickness, weights=shares)
+    expected = np.average((log_thickness - mean) ** 2, weights=shares)
+    fractions = np.exp(centre) / np.exp(centre).sum()
+    along, by_laplace = (
+        float(fractions @ result.covariance[0] @ fractions) for result in (fitted, laplace)
+    )
+    assert along == pytest.approx(expected, rel=0.1)
+    assert by_laplace < 0.85 * expected
+
+
 def _log_joint(logs, problem):
     response, paints, ground, weights = problem
     amounts = jnp.exp(logs)
