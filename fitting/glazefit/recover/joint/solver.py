@@ -101,7 +101,7 @@ def _log_density(
     """Log posterior density up to a constant, a step from a point along a slope."""
     moved = jax.tree.map(lambda start, by_step: start + step * by_step, point, slope)
     values = residuals(moved, problem)
-    return -0.5 * sum(jnp.sum(block**2) for block in jax.tree.leaves(values))
+    return jnp.asarray(-0.5 * sum(jnp.sum(block**2) for block in jax.tree.leaves(values)))
 
 
 def normal_matrix(
