@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -44,8 +44,8 @@ def pose_stack(
         instrument: that read it.
         prior: usual thickness, its spread, fractions' concentration and the paints' error.
         spectra: of an unknown paint.
-        discrepancy: of the model; by default that of a search, but that a paint which does not
-            state its errors has those of unknown size alone (`Prior.error`).
+        discrepancy: of the model; by default that of a search. A paint that does not state its
+            errors has those of unknown size alone (`Prior.error`).
         kind: of the problem; names of "paints" do not say which coat they are of.
 
     Raises:
@@ -70,7 +70,8 @@ def pose_stack(
         [prior.thickness if coat.thickness is None else coat.thickness for coat in coats]
     )
     spread = np.array([coat.spread or prior.spread for coat in coats])
-    discrepancy = discrepancy or ModelError(unstated=0.0)
+    # What a paint does not state is left to the error of unknown size.
+    discrepancy = replace(discrepancy or ModelError(), unstated=0.0)
     grounds = len(reading.grounds)
     model = model_correlation(grid, grounds, discrepancy.length, discrepancy.shared)
     bands_first = np.arange(len(model)).reshape(grounds, grid.size).T.ravel()
