@@ -1,5 +1,6 @@
+import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from glazejax import Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments, write_pigments
@@ -73,6 +74,20 @@ def test_columns_in_any_order_comments_and_extras(tmp_path):
     assert (float(pigment.absorption[0]), float(pigment.scattering[0])) == (1, 2)
     assert pigment.identifiable is None
     assert pigment.provenance == "fitted, if each film is 20 um thick"
+
+
+def test_paints_may_have_different_numbers_of_error_modes(tmp_path):
+    grid = np.array([400.0, 500.0])
+    few, many = np.full((1, 2, 2), 0.1), np.full((3, 2, 2), 0.2)
+    paints = [
+        Pigment(name, grid, [1e4, 2e4], [1e4, 1e4], error_modes=modes)
+        for name, modes in (("few", few), ("many", many), ("none", None))
+    ]
+    write_pigments(tmp_path / "paints.csv", paints)
+    again = read_pigments(tmp_path / "paints.csv")
+    assert_allclose(again["few"].error_modes, np.concatenate([few, np.zeros((2, 2, 2))]))
+    assert_allclose(again["many"].error_modes, many)
+    assert again["none"].error_modes is None
 
 
 def test_error_modes_are_paired_by_their_numbers(tmp_path):

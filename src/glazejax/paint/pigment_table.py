@@ -229,6 +229,8 @@ def pigment_rows(
         # Modes of k, then those of s, as the titles are.
         modes = np.full((2, most, k.size), np.nan)
         if pigment.error_modes is not None:
+            # Another paint may have more; an empty cell would say that there are none.
+            modes[:] = 0.0
             modes[:, : len(pigment.error_modes)] = np.swapaxes(pigment.error_modes, 0, 1)
         numbers = np.stack([pigment.wavelengths, k, s, *sds], axis=1)
         for band, band_modes in enumerate(modes.reshape(2 * most, k.size).T.tolist()):
