@@ -110,6 +110,7 @@ def test_a_discrepancy_out_of_range_is_named(wrong):
         ({"thickness": 0.0}, "usual thickness of 0 m"),
         ({"thickness": 0.02}, "usual thickness of 0.02 m"),
         ({"spread": 0.0}, "must be positive"),
+        ({"spread": 30.0}, "5 at most"),
         ({"concentration": -1.0}, "must be positive"),
         ({"sizes": (0.5, 0.5, 0.0)}, "three positive numbers"),
         ({"sizes": (0.5, 0.5)}, r"sizes are \(0.5, 0.5\); they must be three positive numbers"),

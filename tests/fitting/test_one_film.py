@@ -129,6 +129,11 @@ def test_variance_along_a_density():
         lambda step: jnp.where(step < -0.6, -1e3, -0.5 * step**2), jnp.array(1.0)
     )
     assert float(bounded) == pytest.approx(cut.var(), rel=0.03)
+    # Impossible where it has no number.
+    endless = variance_along(
+        lambda step: jnp.where(step < -0.6, jnp.nan, -0.5 * step**2), jnp.array(1.0)
+    )
+    assert float(endless) == pytest.approx(cut.var(), rel=0.03)
     # A long tail, of which the curvature says nothing.
     skewed = gamma(4.0)
     tailed = variance_along(lambda step: gamma_density.logpdf(3.0 + step, 4.0), jnp.array(3.0))

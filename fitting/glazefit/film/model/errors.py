@@ -110,7 +110,7 @@ class Prior:
 
     Attributes:
         thickness: median, m; the catalogue's own unit if its paints assume one.
-        spread: standard deviation of its logarithm.
+        spread: standard deviation of its logarithm, 5 at most.
         concentration: of the fractions' Dirichlet distribution; 1 is uniform, less prefers unequal
             ones. By default .4 where paints are searched, 1 where they are known.
         sizes: how probable films of one, two, three paints are.
@@ -146,6 +146,11 @@ class Prior:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise ValueError(f"the prior's {name} is {value:g}; it must be positive")
+        if self.spread > 5:
+            raise ValueError(
+                f"the prior's spread is {self.spread:g}; it is of the log of thickness, and 5 at "
+                "most: a factor of 150"
+            )
         if len(self.sizes) != 3 or not all(0 < size < np.inf for size in self.sizes):
             raise ValueError(
                 f"the prior's sizes are {self.sizes}; they must be three positive numbers: how "

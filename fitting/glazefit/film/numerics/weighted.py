@@ -34,5 +34,7 @@ def variance_along(
     """
     places = jnp.linspace(-3.0, 3.0, 17, dtype=variance.dtype)
     steps = jnp.sqrt(variance) * jnp.sinh(places)
-    weights = jax.nn.softmax(jax.vmap(log_density)(steps) + jnp.log(jnp.cosh(places)))
+    heights = jax.vmap(log_density)(steps) + jnp.log(jnp.cosh(places))
+    # What overflows, so far out, is impossible.
+    weights = jax.nn.softmax(jnp.where(jnp.isnan(heights), -jnp.inf, heights))
     return weights @ (steps - weights @ steps) ** 2
