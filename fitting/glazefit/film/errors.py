@@ -115,11 +115,12 @@ class PaintErrors:
         log_determinants = [root_of_log1p(through).reshape(-1)]
         if film.error:
             by_log = linear.by_log * precision
-            stated = jnp.einsum("meb,ebg->mbg", _stated_of_known(film, data), by_log)
-            stated = stated.reshape(len(stated), white.size)
+            stated = _stated_of_known(film, data)
+            stated = jnp.einsum("ebg,ebfc,fch->bgch", by_log, stated, by_log)
             of_model = _of_model((data.reflectance - off).reshape(-1), shared)
             of_model = of_model * jnp.outer(precision, precision)
-            caused = size**2 * _caused(by_log, shared.smooth) + stated.T @ stated + of_model
+            caused = size**2 * _caused(by_log, shared.smooth) + of_model
+            caused += stated.reshape(caused.shape)
             root = jnp.linalg.cholesky(jnp.eye(white.size) + caused)
             white = jax.scipy.linalg.solve_triangular(root, white, lower=True)
             # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
@@ -127,11 +128,12 @@ class PaintErrors:
         return jnp.concatenate([white, *log_determinants])
 
 
-def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "modes errors bands"]:
-    """`_stated` where all fractions are known; the same at each place, so that it is computed once
-    for all.
+def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "errors bands errors bands"]:
+    """Covariance M M^T of a film whose fractions are all known: the same at each place, so that it
+    is computed once for all.
     """
-    return _stated(film, jnp.zeros(film.dims, data.sd.dtype), data)
+    modes = _stated(film, jnp.zeros(film.dims, data.sd.dtype), data)
+    return jnp.einsum("meb,mfc->ebfc", modes, modes)
 
 
 def _size(film: Film, free: PerUnknown) -> Scalar:
@@ -205,8 +207,7 @@ class ScaledReadings:
         smooth = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
         caused = smooth * jnp.sum(linear.by_log**2, axis=0)
         stated = _stated_of_known(self.film, data)
-        covariance = jnp.einsum("meb,mfb->efb", stated, stated)
-        caused += jnp.einsum("ebg,efb,fbg->bg", linear.by_log, covariance, linear.by_log)
+        caused += jnp.einsum("ebg,ebfb,fbg->bg", linear.by_log, stated, linear.by_log)
         amplitude, growth = shared.model_size
         caused += (amplitude + growth * (data.reflectance - off)) ** 2
         return off / jnp.sqrt(_variance(data, linear) + caused)
