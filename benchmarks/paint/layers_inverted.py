@@ -104,7 +104,7 @@ def with_model_errors(
     law = ModelError()
     off = draw_model_errors(rng, len(exact), exact.shape[-1], grid, law)
     # They are drawn for a reflectance of 0.
-    return exact + np.swapaxes(off, 1, 2) * (1.0 + law.share / law.amplitude * exact)
+    return exact + np.swapaxes(off, 1, 2) * law.model_sd(exact) / law.amplitude
 
 
 def read(

@@ -156,19 +156,18 @@ def problem():
     return response, paints, jnp.asarray(ground)[None], weights
 
 
-def test_evidence_is_the_integral_of_the_posterior(problem):
+def fitted_to(problem, start, steps=14, along=False):
+    """The film of both paints, from log amounts that are all `start`."""
     response, paints, ground, weights = problem
-    steps = jnp.asarray(14)
-    fitted = fit_films(
-        response,
-        paints,
-        BOTH,
-        jnp.zeros((1, 2)),
-        ground,
-        weights,
-        steps=steps,
-        along=jnp.asarray(False),
+    return fit_films(
+        *(response, paints, BOTH, jnp.full((1, 2), start), ground, weights),
+        steps=jnp.asarray(steps),
+        along=jnp.asarray(along),
     )
+
+
+def test_evidence_is_the_integral_of_the_posterior(problem):
+    fitted = fitted_to(problem, 0.0)
     centre = np.asarray(fitted.logs[0])
     assert_allclose(np.exp(centre), [0.7, 0.5], rtol=0.03)
     sd = np.sqrt(np.diagonal(fitted.covariance[0]))
@@ -184,27 +183,13 @@ def test_variance_of_a_thickness_that_the_readings_bound_on_one_side(problem):
     # So thick that thicker films read nearly the same.
     k, s = (6.0 * values.sum(axis=0) for values in paints)
     hiding = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
-    start = jnp.full((1, 2), np.log(3.0))
-    fitted, laplace = (
-        fit_films(
-            response,
-            paints,
-            BOTH,
-            start,
-            ground,
-            hiding,
-            steps=jnp.asarray(14),
-            along=jnp.asarray(along),
-        )
-        for along in (True, False)
-    )
+    hidden = response, paints, ground, hiding
+    fitted, laplace = (fitted_to(hidden, np.log(3.0), along=along) for along in (True, False))
     centre = np.asarray(fitted.logs[0])
     # Over thickness and the log of the ratio.
     places = np.linspace(-3.0, 3.0, 161)
     points = centre + every_pair(places) @ np.array([[1.0, 1.0], [0.5, -0.5]])
-    total = np.asarray(
-        jax.jit(jax.vmap(lambda logs: _log_joint(logs, (response, paints, ground, hiding))))(points)
-    )
+    total = np.asarray(jax.jit(jax.vmap(lambda logs: _log_joint(logs, hidden)))(points))
     shares = np.exp(total - total.max())
     log_thickness = np.log(np.exp(points).sum(axis=1))
     mean = np.average(log_thickness, weights=shares)
@@ -234,20 +219,8 @@ def test_a_paint_that_is_not_there_is_let_go_in_few_steps(problem):
     response, paints, ground, weights = problem
     k, s = (0.9 * part[0] for part in paints)
     alone = weights._replace(target=response.body(k, s, ground[0]).reshape(1, -1))
-    start = jnp.full((1, 2), np.log(0.45))
-    few, many = (
-        fit_films(
-            response,
-            paints,
-            BOTH,
-            start,
-            ground,
-            alone,
-            steps=jnp.asarray(steps),
-            along=jnp.asarray(False),
-        )
-        for steps in (8, 60)
-    )
+    lonely = response, paints, ground, alone
+    few, many = (fitted_to(lonely, np.log(0.45), steps) for steps in (8, 60))
     assert np.exp(many.logs[0, 1]) < 0.02
     assert_allclose(few.log_evidence, many.log_evidence, atol=0.01)
     assert_allclose(few.logs, many.logs, atol=0.01)

@@ -62,12 +62,17 @@ def _caused(
     return paint_covariance(rows, smooth.repeat(grounds, axis=0).repeat(grounds, axis=1))
 
 
-def _of_model(readings: Float[Any, "*films rows"], shared: FilmShared) -> Any:
-    """Covariance of the model's own error, of readings as they are computed: of measured ones,
-    those that happen to be low would count for more.
+def _model_sd(readings: Float[Any, "*shape"], shared: FilmShared) -> Any:
+    """Standard deviation of the model's own error, of readings as they are computed: of measured
+    ones, those that happen to be low would count for more.
     """
     amplitude, growth = shared.model_size
-    size = amplitude + growth * readings
+    return amplitude + growth * readings
+
+
+def _of_model(readings: Float[Any, "*films rows"], shared: FilmShared) -> Any:
+    """Covariance of the model's own error (`_model_sd`)."""
+    size = _model_sd(readings, shared)
     return size[..., :, None] * size[..., None, :] * shared.model
 
 
@@ -115,8 +120,9 @@ class PaintErrors:
         log_determinants = [root_of_log1p(through).reshape(-1)]
         if film.error:
             by_log = linear.by_log * precision
-            stated = _stated_of_known(film, data)
-            stated = jnp.einsum("ebg,ebfc,fch->bgch", by_log, stated, by_log)
+            modes = _stated_of_known(film, data)
+            covariance = jnp.einsum("meb,mfc->ebfc", modes, modes)
+            stated = jnp.einsum("ebg,ebfc,fch->bgch", by_log, covariance, by_log)
             of_model = _of_model((data.reflectance - off).reshape(-1), shared)
             of_model = of_model * jnp.outer(precision, precision)
             caused = size**2 * _caused(by_log, shared.smooth) + of_model
@@ -128,12 +134,11 @@ class PaintErrors:
         return jnp.concatenate([white, *log_determinants])
 
 
-def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "errors bands errors bands"]:
-    """Covariance M M^T of a film whose fractions are all known: the same at each place, so that it
-    is computed once for all.
+def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "modes errors bands"]:
+    """`_stated` of a film whose fractions are all known: the same at each place, so that it is
+    computed once for all.
     """
-    modes = _stated(film, jnp.zeros(film.dims, data.sd.dtype), data)
-    return jnp.einsum("meb,mfc->ebfc", modes, modes)
+    return _stated(film, jnp.zeros(film.dims, data.sd.dtype), data)
 
 
 def _size(film: Film, free: PerUnknown) -> Scalar:
@@ -206,10 +211,11 @@ class ScaledReadings:
         off, linear = _look(self.film, jnp.exp(logs), free, data, shared)
         smooth = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
         caused = smooth * jnp.sum(linear.by_log**2, axis=0)
-        stated = _stated_of_known(self.film, data)
-        caused += jnp.einsum("ebg,ebfb,fbg->bg", linear.by_log, stated, linear.by_log)
-        amplitude, growth = shared.model_size
-        caused += (amplitude + growth * (data.reflectance - off)) ** 2
+        modes = _stated_of_known(self.film, data)
+        # Of each band by itself.
+        covariance = jnp.einsum("meb,mfb->efb", modes, modes)
+        caused += jnp.einsum("ebg,efb,fbg->bg", linear.by_log, covariance, linear.by_log)
+        caused += _model_sd(data.reflectance - off, shared) ** 2
         return off / jnp.sqrt(_variance(data, linear) + caused)
 
 

@@ -92,6 +92,10 @@ class ModelError:
                 f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]"
             )
 
+    def model_sd(self, reflectance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Standard deviation of the model's own smooth error at a reflectance."""
+        return self.amplitude + self.share * reflectance
+
     def surface_sd(self, surface: float) -> float:
         """Standard deviation of what the surface adds to a reading.
 

@@ -314,8 +314,7 @@ class Chunk:
     @property
     def smooth_covariance(self) -> Covariances:
         """Covariance of the model's own smooth error, paints' coefficients aside."""
-        d = self.task.discrepancy
-        return self._smooth(d.amplitude + d.share * self.spectra.flat)
+        return self._smooth(self.task.discrepancy.model_sd(self.spectra.flat))
 
     @property
     def ranking_covariance(self) -> Covariances:

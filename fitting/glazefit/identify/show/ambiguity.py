@@ -157,7 +157,7 @@ def _relies_on_spectrum_ends(
     if size == 0:
         return []
     usual = ModelError()
-    sd = np.hypot(measured.noise_sd[row], usual.amplitude + usual.share * measured.readings[row])
+    sd = np.hypot(measured.noise_sd[row], usual.model_sd(measured.readings[row]))
 
     def misses(candidate: Candidate) -> np.ndarray:
         """Squared residual of each band, in units of what is expected."""

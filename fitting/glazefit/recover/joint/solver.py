@@ -322,15 +322,19 @@ def thickness_variances(
     readings leave much of what was expected open.
     """
     films, per_film = problem.scale.films.shape
-    rows = problem.mean.bands.size + per_film * np.arange(films)
-    flat = np.concatenate([np.ravel(block) for block in unknowns])
-    columns = covariance.times(np.eye(flat.size)[:, rows])
-    variances = columns[rows].diagonal().copy()
-    best = totals(unknowns, problem, sign=-1.0)
+    variances = np.diagonal(covariance.of_shared)[: films * per_film : per_film].copy()
     # Where a tenth is left open the density along the thickness is a Gaussian.
-    for film in np.flatnonzero(variances > 0.1 * problem.scale.films[:, 0] ** 2):
+    much_open = np.flatnonzero(variances > 0.1 * problem.scale.films[:, 0] ** 2)
+    # LAPACK's wrapper must not be asked for no columns (`JointCovariance.regress`).
+    if not much_open.size:
+        return variances
+    flat = np.concatenate([np.ravel(block) for block in unknowns])
+    rows = problem.mean.bands.size + per_film * much_open
+    columns = covariance.times(np.eye(flat.size)[:, rows])
+    best = totals(unknowns, problem, sign=-1.0)
+    for film, column in zip(much_open, columns.T, strict=True):
         # All else as is expected of a film whose log thickness is larger by 1.
-        moved = unflatten(flat + columns[:, film] / variances[film], unknowns)
+        moved = unflatten(flat + column / variances[film], unknowns)
         slope = jax.tree.map(np.subtract, totals(moved, problem, sign=-1.0), best)
         variances[film] = variance_along(
             functools.partial(_log_density, problem, best, slope), variances[film]
