@@ -160,7 +160,12 @@ def fitted_to(problem, start, steps=14, along=False):
     """The film of both paints, from log amounts that are all `start`."""
     response, paints, ground, weights = problem
     return fit_films(
-        *(response, paints, BOTH, jnp.full((1, 2), start), ground, weights),
+        response,
+        paints,
+        BOTH,
+        jnp.full((1, 2), start),
+        ground,
+        weights,
         steps=jnp.asarray(steps),
         along=jnp.asarray(along),
     )
