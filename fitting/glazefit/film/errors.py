@@ -22,11 +22,16 @@ has other slopes than the catalogue's film. With f(delta) the readings, their me
 f(delta*) - J delta*. With W that makes V unity and J K J^T diagonal, b, the residuals are
 W (reading - mean) / sqrt(1 + e^2 b) and the determinant is that of 1 + e^2 b: sampling needs no
 factorisation.
+
+The likeliest errors, and J with them, follow the unknowns. What is left of the residuals does not
+show it to first order, since these errors are the likeliest; the determinant does: less gloss is
+more body, whose slopes are larger and whose errors are the better known. So its slopes by the
+unknowns are computed about the mode. Without them the gloss of dark films comes out low.
 """
 
 import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -112,7 +117,7 @@ class PaintErrors:
             off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
             root = size * expansion.spread
             white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
-            return jnp.concatenate([white, root_of_log1p(root)])
+            return jnp.concatenate([white, root_of_log1p(root), _tilted(expansion, free)])
         off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
         through = linear.by_ground * data.ground_sd / data.sd
         precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
@@ -132,6 +137,14 @@ class PaintErrors:
             # The diagonal is 1 or more; with a constant added its logarithm has a smooth root.
             log_determinants.append(jnp.sqrt(1.0 + 2.0 * jnp.log(jnp.diagonal(root))))
         return jnp.concatenate([white, *log_determinants])
+
+
+def _tilted(expansion: Expansion, free: PerUnknown) -> Float[Array, "1"]:
+    """Rise of half the logarithm of C's determinant from where it was expanded, as a residual."""
+    rows = expansion.spread.shape[-1]
+    rise = expansion.tilt @ (free - expansion.place)
+    # Positive everywhere, and nearly linear where the rise is small for so many readings.
+    return jnp.sqrt(2.0 * rows * jnp.logaddexp(0.0, 2.0 * rise / rows))[None]
 
 
 def _stated_of_known(film: Film, data: FilmData) -> Float[Array, "modes errors bands"]:
@@ -243,7 +256,100 @@ def without_errors(
     return logs.reshape(len(logs), -1, logs.shape[-1]), above, stated
 
 
-def usual_errors(data: FilmData, errors: int) -> Expansion:
+class _Linear(NamedTuple):
+    """Films linear in errors of their paints, at some unknowns and about some errors."""
+
+    shift: Float[np.ndarray, "films errors bands"]  # the errors
+    size: Float[np.ndarray, "films 1 1"]  # e^2
+    computed: Float[np.ndarray, "films rows"]  # readings
+    by_log: Float[np.ndarray, "films errors bands grounds"]  # slopes by log k and log s
+    stated: Float[np.ndarray, "films modes errors bands"]  # M
+    by_stated: Float[np.ndarray, "films modes rows"]  # slopes by what the paints state
+    variance: Float[np.ndarray, "films rows"]  # v
+
+    def caused(self, shared: FilmShared) -> Float[np.ndarray, "films rows rows"]:
+        """e^2 J K J^T."""
+        return self.size * _caused(self.by_log, np.asarray(shared.smooth))
+
+    def fixed(
+        self, of_model: Float[np.ndarray, "films rows rows"]
+    ) -> Float[np.ndarray, "films rows rows"]:
+        """V, with the covariance of the model's own error."""
+        stated = np.swapaxes(self.by_stated, 1, 2) @ self.by_stated
+        return of_model + stated + np.eye(self.variance.shape[1]) * self.variance[:, None]
+
+
+def _linearised(
+    film: Film,
+    free: Float[np.ndarray, "films dims"],
+    shift: Float[np.ndarray, "films errors bands"],
+    data: FilmData,
+    shared: FilmShared,
+) -> _Linear:
+    logs, above, stated = map(np.asarray, without_errors(film, free, data, shared))
+    linear = slopes(film, shared.response, logs + shift, data.ground)
+    by_log = np.asarray(linear.by_log)
+    by_stated = np.einsum("fmeb,febg->fmbg", stated, by_log)
+    variance = np.asarray(_variance(data, linear)).reshape(len(shift), -1)
+    computed = np.asarray(linear.body) + above[:, None, None]
+    return _Linear(
+        shift=shift,
+        size=np.exp(2.0 * free[:, -1])[:, None, None],
+        computed=computed.reshape(variance.shape),
+        by_log=by_log,
+        stated=stated,
+        by_stated=by_stated.reshape(*stated.shape[:2], variance.shape[1]),
+        variance=variance,
+    )
+
+
+def _likelier(
+    linear: _Linear, data: FilmData, shared: FilmShared
+) -> Float[np.ndarray, "films errors bands"]:
+    """The likeliest errors of the paints, by one step of Gauss and Newton."""
+    reflectance = np.asarray(data.reflectance)
+    target = reflectance - linear.computed.reshape(reflectance.shape)
+    target += np.einsum("febg,feb->fbg", linear.by_log, linear.shift)
+    of_model = np.asarray(_of_model(linear.computed, shared))
+    covariance = linear.caused(shared) + linear.fixed(of_model)
+    flat = np.linalg.solve(covariance, target.reshape(len(target), -1, 1))
+    pull = np.einsum("febg,fbg->feb", linear.by_log, flat.reshape(target.shape))
+    likely = linear.size * (pull @ np.asarray(shared.smooth))
+    likely += np.einsum("fmeb,fm->feb", linear.stated, (linear.by_stated @ flat)[..., 0])
+    step = likely - linear.shift
+    # A step of more than 1 in log k or log s goes beyond where slopes hold.
+    return linear.shift + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
+
+
+def _tilt(
+    film: Film,
+    free: Float[np.ndarray, "films dims"],
+    here: _Linear,
+    data: FilmData,
+    shared: FilmShared,
+) -> Float[np.ndarray, "films dims"]:
+    """Slopes of half the logarithm of C's determinant by the unknowns, by differences.
+
+    The sizes of the errors are held: `PaintErrors` counts that of the paints at each place, and the
+    model's follows the readings, to which the unknowns are fitted.
+    """
+    of_model = np.asarray(_of_model(here.computed, shared))
+
+    def half_log_determinant(free: np.ndarray) -> np.ndarray:
+        at = _linearised(film, free, here.shift, data, shared)
+        # The first step takes most of the way; what is left would show in thickness.
+        for _ in range(3):
+            at = _linearised(film, free, _likelier(at, data, shared), data, shared)
+        covariance = at._replace(size=here.size).caused(shared) + at.fixed(of_model)
+        return 0.5 * np.linalg.slogdet(covariance)[1]
+
+    step = 1e-3
+    before = half_log_determinant(free)
+    rises = [half_log_determinant(free + step * unit) - before for unit in np.eye(free.shape[1])]
+    return np.stack(rises, axis=-1) / step
+
+
+def usual_errors(data: FilmData, errors: int, dims: int) -> Expansion:
     """Before anything is found of the films: each reading is off by itself, by as much as paints of
     a usual error make it.
     """
@@ -254,6 +360,8 @@ def usual_errors(data: FilmData, errors: int) -> Expansion:
         offset=np.zeros((films, bands, grounds)),
         whiten=root * np.eye(bands * grounds),
         spread=np.zeros((films, bands * grounds)),
+        place=np.zeros((films, dims)),
+        tilt=np.zeros((films, dims)),
     )
 
 
@@ -270,43 +378,20 @@ def expand(
     Newton from those before.
     """
     assert data.expansion is not None
-    logs, above, stated = map(np.asarray, without_errors(film, free, data, shared))
-    unexplained = np.asarray(data.reflectance) - above[:, None, None]
-    share = np.exp(2.0 * free[:, -1])[:, None, None]
-    smooth = np.asarray(shared.smooth)
-    delta = np.asarray(data.expansion.shift)
-
-    def look(delta: np.ndarray) -> tuple[Slopes, np.ndarray, np.ndarray, np.ndarray]:
-        """Slopes at some errors; those by log k and log s, those by what is stated, and V."""
-        linear = slopes(film, shared.response, logs + delta, data.ground)
-        by_log = np.asarray(linear.by_log)
-        variance = np.asarray(_variance(data, linear)).reshape(len(delta), -1)
-        by_stated = np.einsum("fmeb,febg->fmbg", stated, by_log)
-        by_stated = by_stated.reshape(*stated.shape[:2], variance.shape[1])
-        computed = np.asarray(linear.body + above[:, None, None]).reshape(variance.shape)
-        fixed = np.asarray(_of_model(computed, shared)) + np.swapaxes(by_stated, 1, 2) @ by_stated
-        return linear, by_log, by_stated, fixed + np.eye(variance.shape[1]) * variance[:, None]
-
+    here = _linearised(film, free, np.asarray(data.expansion.shift), data, shared)
     for _ in range(steps):
-        linear, by_log, by_stated, fixed = look(delta)
-        target = unexplained - linear.body + np.einsum("febg,feb->fbg", by_log, delta)
-        covariance = share * _caused(by_log, smooth) + fixed
-        flat = np.linalg.solve(covariance, target.reshape(len(delta), -1, 1))
-        pull = flat.reshape(target.shape)
-        likely = share * (np.einsum("febg,fbg->feb", by_log, pull) @ smooth)
-        likely += np.einsum("fmeb,fm->feb", stated, (by_stated @ flat)[..., 0])
-        step = likely - delta
-        # A step of more than 1 in log k or log s goes beyond where slopes hold.
-        delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True))
-    linear, by_log, _, fixed = look(delta)
-    basis = whitening(fixed).basis
-    caused = basis @ _caused(by_log, smooth) @ np.swapaxes(basis, 1, 2)
-    spread, axes = np.linalg.eigh(caused)
+        here = _linearised(film, free, _likelier(here, data, shared), data, shared)
+    basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
+    of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
+    spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
     return data._replace(
         expansion=Expansion(
-            shift=delta,
-            offset=-np.einsum("febg,feb->fbg", by_log, delta),
+            shift=here.shift,
+            offset=-np.einsum("febg,feb->fbg", here.by_log, here.shift),
             whiten=np.swapaxes(axes, 1, 2) @ basis,
             spread=np.sqrt(np.maximum(spread, 0.0)),
+            place=free,
+            # Of errors that are not yet the likeliest it would say nothing.
+            tilt=_tilt(film, free, here, data, shared) if steps else np.zeros_like(free),
         )
     )

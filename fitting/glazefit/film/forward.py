@@ -58,6 +58,8 @@ class Expansion(NamedTuple):
     offset: PerReading  # -J delta*
     whiten: Float[Any, "*blocks rows rows"]  # W
     spread: Float[Any, "*blocks rows"]  # roots of b
+    place: Float[Any, "*blocks dims"]  # the unknowns at which it was made
+    tilt: Float[Any, "*blocks dims"]  # slopes there of half the logarithm of C's determinant
 
 
 class FilmData(NamedTuple):
