@@ -302,7 +302,8 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
         mean = problem.film.read(jnp.asarray(point), shifted, problem.shared)
         off = (reading.reflectance - mean - errors.offset).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * caused @ caused.T
-        rise = errors.tilt @ (point - found.points[0, 0])
+        physical = problem.film.physical(jnp.asarray(point), data, problem.shared)
+        rise = errors.tilt @ (physical - errors.place)
         rise += rise**2 / (2 * off.size)
         expected.append(multivariate_normal(cov=covariance).logpdf(off) - rise)
     got = problem.log_likelihood(points[:, None])[:, 0]

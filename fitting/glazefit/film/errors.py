@@ -25,8 +25,9 @@ factorisation.
 
 The likeliest errors, and J with them, follow the unknowns. What is left of the residuals does not
 show it to first order, since these errors are the likeliest; the determinant does: less gloss is
-more body, whose slopes are larger and whose errors are the better known. So its slopes by the
-unknowns are computed about the mode. Without them the gloss of dark films comes out low.
+more body, whose slopes are larger and whose errors are the better known. So its slopes are computed
+about the mode, by the coats' log k d and log s d and by gloss, which end where readings do: the
+logit of gloss goes on. Without them the gloss of dark films comes out low.
 """
 
 import functools
@@ -117,7 +118,8 @@ class PaintErrors:
             off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
             root = size * expansion.spread
             white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
-            return jnp.concatenate([white, root_of_log1p(root), _tilted(expansion, free)])
+            tilted = _tilted(expansion, film.physical(free, data, shared))
+            return jnp.concatenate([white, root_of_log1p(root), tilted])
         off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
         through = linear.by_ground * data.ground_sd / data.sd
         precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
@@ -139,10 +141,10 @@ class PaintErrors:
         return jnp.concatenate([white, *log_determinants])
 
 
-def _tilted(expansion: Expansion, free: PerUnknown) -> Float[Array, "1"]:
+def _tilted(expansion: Expansion, physical: Float[Array, "physical"]) -> Float[Array, "1"]:
     """Rise of half the logarithm of C's determinant from where it was expanded, as a residual."""
     rows = expansion.spread.shape[-1]
-    rise = expansion.tilt @ (free - expansion.place)
+    rise = expansion.tilt @ (physical - expansion.place)
     # Positive everywhere, and nearly linear where the rise is small for so many readings.
     return jnp.sqrt(2.0 * rows * jnp.logaddexp(0.0, 2.0 * rise / rows))[None]
 
@@ -256,6 +258,19 @@ def without_errors(
     return logs.reshape(len(logs), -1, logs.shape[-1]), above, stated
 
 
+@functools.partial(Program, fixed=("film",))
+def _physical(
+    film: Film, free: Float[Array, "films dims"], data: FilmData, shared: FilmShared
+) -> tuple[Float[Array, "films physical"], Float[Array, "films physical dims"]]:
+    """What slopes depend on (`Film.physical`), and its own slopes by the unknowns."""
+
+    def one(free: Array, data: FilmData) -> tuple[Array, Array]:
+        at = functools.partial(film.physical, data=data, shared=shared)
+        return at(free), jax.jacfwd(at)(free)
+
+    return jax.vmap(one)(free, data)
+
+
 class _Linear(NamedTuple):
     """Films linear in errors of their paints, at some unknowns and about some errors."""
 
@@ -327,11 +342,12 @@ def _tilt(
     here: _Linear,
     data: FilmData,
     shared: FilmShared,
-) -> Float[np.ndarray, "films dims"]:
-    """Slopes of half the logarithm of C's determinant by the unknowns, by differences.
+) -> Float[np.ndarray, "films physical"]:
+    """Slopes of half the logarithm of C's determinant by what slopes depend on (`Film.physical`).
 
-    The sizes of the errors are held: `PaintErrors` counts that of the paints at each place, and the
-    model's follows the readings, to which the unknowns are fitted.
+    Along the unknowns, by differences; the least of all that agree with these. The sizes of the
+    errors are held: `PaintErrors` counts that of the paints at each place, and the model's follows
+    the readings, to which the unknowns are fitted.
     """
     of_model = np.asarray(_of_model(here.computed, shared))
 
@@ -346,22 +362,27 @@ def _tilt(
     step = 1e-3
     before = half_log_determinant(free)
     rises = [half_log_determinant(free + step * unit) - before for unit in np.eye(free.shape[1])]
-    return np.stack(rises, axis=-1) / step
+    by_unknown = np.stack(rises, axis=-1)[:, None] / step
+    _, slopes_by_unknown = _physical(film, free, data, shared)
+    # An unknown that changes nothing any more, as the share of an absent paint, has no slope.
+    return (by_unknown @ np.linalg.pinv(slopes_by_unknown, rcond=1e-6))[:, 0]
 
 
-def usual_errors(data: FilmData, errors: int, dims: int) -> Expansion:
+def usual_errors(film: Film, data: FilmData) -> Expansion:
     """Before anything is found of the films: each reading is off by itself, by as much as paints of
     a usual error make it.
     """
     films, bands, grounds = data.sd.shape
+    errors = 2 * len(film.sizes)
+    physical = np.zeros((films, errors * bands + film.gloss + film.error))
     root = 1.0 / np.hypot(data.sd, 0.02).reshape(films, -1, 1)
     return Expansion(
         shift=np.zeros((films, errors, bands)),
         offset=np.zeros((films, bands, grounds)),
         whiten=root * np.eye(bands * grounds),
         spread=np.zeros((films, bands * grounds)),
-        place=np.zeros((films, dims)),
-        tilt=np.zeros((films, dims)),
+        place=physical,
+        tilt=physical,
     )
 
 
@@ -384,14 +405,15 @@ def expand(
     basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
     of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
+    place = np.asarray(_physical(film, free, data, shared)[0])
     return data._replace(
         expansion=Expansion(
             shift=here.shift,
             offset=-np.einsum("febg,feb->fbg", here.by_log, here.shift),
             whiten=np.swapaxes(axes, 1, 2) @ basis,
             spread=np.sqrt(np.maximum(spread, 0.0)),
-            place=free,
+            place=place,
             # Of errors that are not yet the likeliest it would say nothing.
-            tilt=_tilt(film, free, here, data, shared) if steps else np.zeros_like(free),
+            tilt=_tilt(film, free, here, data, shared) if steps else np.zeros_like(place),
         )
     )

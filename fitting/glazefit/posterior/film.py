@@ -108,7 +108,7 @@ def pose_stack(
         **{what: getattr(reading, what)[None] for what in CardReadings._fields},
     )
     if not film.tabulated:
-        data = data._replace(expansion=usual_errors(data, 2 * len(coats), film.dims))
+        data = data._replace(expansion=usual_errors(film, data))
     elif len(coats) > 1:
         logs, *_ = without_errors(film, np.zeros((1, film.dims)), data, shared)
         data = data._replace(table=tabulate(film, np.asarray(logs)[0], reading.ground)[None])
