@@ -239,7 +239,10 @@ def _fit_film(
     white = weights.basis
     law = weights.expected.spread, weights.expected.concentration
 
-    def look(logs: Array) -> tuple[Array, Array, Array, tuple[Array, Array, Array]]:
+    def look(
+        logs: Array, share: float | Array = 1.0
+    ) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+        """`share` is how much the readings count."""
         amounts = jnp.where(present, jnp.exp(logs), 0.0)
         body, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
         readings = body.reshape(-1)
@@ -247,15 +250,15 @@ def _fit_film(
         off = white @ (weights.target - readings)
         # The slopes on the right: on the left XLA takes twice the time.
         slopes = (white @ slopes.reshape(amounts.shape[0], -1).T).T
-        by_data = -slopes @ off
-        of_data = slopes @ slopes.T
+        by_data = -share * slopes @ off
+        of_data = share * slopes @ slopes.T
         by_prior, of_prior = prior_terms(logs, present, *law)
-        cost = 0.5 * off @ off - log_prior(logs, present, *law)
+        cost = 0.5 * share * off @ off - log_prior(logs, present, *law)
         hessian = of_prior + of_data + jnp.diag(trace_curvature(by_data, by_prior))
-        return cost, by_prior + by_data, hessian, (readings, slopes, of_data)
+        return cost, by_prior + by_data, hessian, (readings, of_data)
 
     limits = float(np.log(LEAST)), float(np.log(MOST))
-    logs, (_, _, _, (readings, slopes, of_data)) = damped_newton(
+    logs, (_, _, _, (readings, of_data)) = damped_newton(
         look, start, limits, steps=steps, longest=2.0
     )
     _, of_prior = prior_terms(logs, present, *law)
@@ -264,26 +267,27 @@ def _fit_film(
     share = jnp.minimum(share, 1.0)
     spread, _ = inverse_small(share * of_data + of_prior)
 
-    def widened() -> Array:
+    def by_thickness(spread: Array, logs: Array) -> tuple[Array, Array]:
+        """Slopes of the log amounts by the log of the thickness, and its variance."""
         fractions = jax.nn.softmax(logs, where=present)
         with_all = spread @ fractions
         variance = fractions @ with_all
-        # Of the log amounts by the log of the thickness, and their covariance if that is known.
-        by_thickness = with_all / variance
-        others = spread - jnp.outer(by_thickness, with_all)
+        return with_all / variance, variance
+
+    def widened() -> Array:
+        direction, variance = by_thickness(spread, logs)
 
         def density(step: Array) -> Array:
-            at = logs + step * by_thickness
-            amounts = jnp.where(present, jnp.exp(at), 0.0)
-            body, _, _ = response.body_and_slopes(amounts @ k, amounts @ s, ground)
-            off = white @ (weights.target - body.reshape(-1))
-            by_prior, _ = prior_terms(at, present, *law)
-            # The fractions' own step from there, with their slopes at the most probable place.
-            pull = share * slopes @ off - by_prior
-            return log_prior(at, present, *law) - 0.5 * (share * off @ off - pull @ others @ pull)
+            at = logs + step * direction
+            cost, gradient, hessian, _ = look(at, share)
+            # The fractions' own step from there, by the amounts' covariance at this thickness.
+            local, _ = inverse_small(hessian)
+            slopes, of_thickness = by_thickness(local, at)
+            others = local - of_thickness * jnp.outer(slopes, slopes)
+            return 0.5 * gradient @ others @ gradient - cost
 
         by_density = variance_along(density, variance)
-        return spread + (by_density - variance) * jnp.outer(by_thickness, by_thickness)
+        return spread + (by_density - variance) * jnp.outer(direction, direction)
 
     return Fitted(logs, jax.lax.cond(along, widened, lambda: spread), log_evidence, readings)
 
