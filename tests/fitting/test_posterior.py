@@ -302,8 +302,11 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
         mean = problem.film.read(jnp.asarray(point), shifted, problem.shared)
         off = (reading.reflectance - mean - errors.offset).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * caused @ caused.T
-        physical = problem.film.physical(jnp.asarray(point), data, problem.shared)
-        rise = errors.tilt @ (physical - errors.place)
+        body = mean - problem.film.surface(jnp.asarray(point), problem.shared)
+        gloss = problem.draws(point[None, None])["gloss"].ravel()
+        rise = errors.tilt @ (
+            np.concatenate([np.log(body).ravel(), gloss, point[-1:]]) - errors.place
+        )
         rise += rise**2 / (2 * off.size)
         expected.append(multivariate_normal(cov=covariance).logpdf(off) - rise)
     got = problem.log_likelihood(points[:, None])[:, 0]

@@ -26,8 +26,9 @@ factorisation.
 The likeliest errors, and J with them, follow the unknowns. What is left of the residuals does not
 show it to first order, since these errors are the likeliest; the determinant does: less gloss is
 more body, whose slopes are larger and whose errors are the better known. So its slopes are computed
-about the mode, by the coats' log k d and log s d and by gloss, which end where readings do: the
-logit of gloss goes on. Without them the gloss of dark films comes out low.
+at the mode, by the film's appearance: log readings without the surface's part, and gloss. Those by
+the unknowns would go on where a thicker film reads the same. Without them the gloss of dark films
+comes out low.
 """
 
 import functools
@@ -114,11 +115,11 @@ class PaintErrors:
         size = _size(film, free)
         expansion = data.expansion
         if expansion is not None:
-            shift = jnp.moveaxis(expansion.shift.reshape(len(film.sizes), 2, -1), 0, -1)
-            off = data.reflectance - film.read(free, data, shared, shift) - expansion.offset
+            readings, appearance = _appearance(film, free, data, shared, expansion.shift)
+            off = data.reflectance - readings - expansion.offset
             root = size * expansion.spread
             white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
-            tilted = _tilted(expansion, film.physical(free, data, shared))
+            tilted = _tilted(expansion, appearance)
             return jnp.concatenate([white, root_of_log1p(root), tilted])
         off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
         through = linear.by_ground * data.ground_sd / data.sd
@@ -141,10 +142,28 @@ class PaintErrors:
         return jnp.concatenate([white, *log_determinants])
 
 
-def _tilted(expansion: Expansion, physical: Float[Array, "physical"]) -> Float[Array, "1"]:
+def _appearance(
+    film: Film,
+    free: PerUnknown,
+    data: FilmData,
+    shared: FilmShared,
+    shift: Float[Any, "errors bands"],
+) -> tuple[Float[Array, "bands grounds"], Float[Array, "appearance"]]:
+    """Readings about some errors of the paints; and what slopes follow: the readings' logs without
+    the surface's part, gloss, and the log size of the errors.
+    """
+    by_coat = jnp.moveaxis(shift.reshape(len(film.sizes), 2, -1), 0, -1)
+    readings = film.read(free, data, shared, by_coat)
+    # Darker than any paint, their slopes are next to nothing.
+    body = jnp.maximum(readings - film.surface(free, shared), 1e-4)
+    gloss = jax.nn.sigmoid(free[film.places.gloss])
+    return readings, jnp.concatenate([jnp.log(body).reshape(-1), gloss, free[film.places.error]])
+
+
+def _tilted(expansion: Expansion, appearance: Float[Array, "appearance"]) -> Float[Array, "1"]:
     """Rise of half the logarithm of C's determinant from where it was expanded, as a residual."""
     rows = expansion.spread.shape[-1]
-    rise = expansion.tilt @ (physical - expansion.place)
+    rise = expansion.tilt @ (appearance - expansion.place)
     # Positive everywhere, and nearly linear where the rise is small for so many readings.
     return jnp.sqrt(2.0 * rows * jnp.logaddexp(0.0, 2.0 * rise / rows))[None]
 
@@ -259,16 +278,22 @@ def without_errors(
 
 
 @functools.partial(Program, fixed=("film",))
-def _physical(
-    film: Film, free: Float[Array, "films dims"], data: FilmData, shared: FilmShared
-) -> tuple[Float[Array, "films physical"], Float[Array, "films physical dims"]]:
-    """What slopes depend on (`Film.physical`), and its own slopes by the unknowns."""
+def _appearances(
+    film: Film,
+    free: Float[Array, "films dims"],
+    data: FilmData,
+    shared: FilmShared,
+    shift: Float[Array, "films errors bands"],
+) -> tuple[Float[Array, "films appearance"], Float[Array, "films appearance dims"]]:
+    """What slopes follow, and its own slopes by the unknowns."""
 
-    def one(free: Array, data: FilmData) -> tuple[Array, Array]:
-        at = functools.partial(film.physical, data=data, shared=shared)
+    def one(free: Array, data: FilmData, shift: Array) -> tuple[Array, Array]:
+        def at(free: Array) -> Array:
+            return _appearance(film, free, data, shared, shift)[1]
+
         return at(free), jax.jacfwd(at)(free)
 
-    return jax.vmap(one)(free, data)
+    return jax.vmap(one)(free, data, shift)
 
 
 class _Linear(NamedTuple):
@@ -342,10 +367,10 @@ def _tilt(
     here: _Linear,
     data: FilmData,
     shared: FilmShared,
-) -> Float[np.ndarray, "films physical"]:
-    """Slopes of half the logarithm of C's determinant by what slopes depend on (`Film.physical`).
+) -> Float[np.ndarray, "films appearance"]:
+    """Slopes of half the logarithm of C's determinant by the appearance.
 
-    Along the unknowns, by differences; the least of all that agree with these. The sizes of the
+    By the unknowns from differences, and the least of all that agree with these. The sizes of the
     errors are held: `PaintErrors` counts that of the paints at each place, and the model's follows
     the readings, to which the unknowns are fitted.
     """
@@ -363,9 +388,9 @@ def _tilt(
     before = half_log_determinant(free)
     rises = [half_log_determinant(free + step * unit) - before for unit in np.eye(free.shape[1])]
     by_unknown = np.stack(rises, axis=-1)[:, None] / step
-    _, slopes_by_unknown = _physical(film, free, data, shared)
-    # An unknown that changes nothing any more, as the share of an absent paint, has no slope.
-    return (by_unknown @ np.linalg.pinv(slopes_by_unknown, rcond=1e-6))[:, 0]
+    _, of_appearance = _appearances(film, free, data, shared, here.shift)
+    # What changes no reading any more, as the share of an absent paint, has no slope.
+    return (by_unknown @ np.linalg.pinv(of_appearance, rcond=1e-6))[:, 0]
 
 
 def usual_errors(film: Film, data: FilmData) -> Expansion:
@@ -374,15 +399,15 @@ def usual_errors(film: Film, data: FilmData) -> Expansion:
     """
     films, bands, grounds = data.sd.shape
     errors = 2 * len(film.sizes)
-    physical = np.zeros((films, errors * bands + film.gloss + film.error))
+    appearance = np.zeros((films, bands * grounds + film.gloss + film.error))
     root = 1.0 / np.hypot(data.sd, 0.02).reshape(films, -1, 1)
     return Expansion(
         shift=np.zeros((films, errors, bands)),
         offset=np.zeros((films, bands, grounds)),
         whiten=root * np.eye(bands * grounds),
         spread=np.zeros((films, bands * grounds)),
-        place=physical,
-        tilt=physical,
+        place=appearance,
+        tilt=appearance,
     )
 
 
@@ -405,7 +430,7 @@ def expand(
     basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
     of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
-    place = np.asarray(_physical(film, free, data, shared)[0])
+    place = np.asarray(_appearances(film, free, data, shared, here.shift)[0])
     return data._replace(
         expansion=Expansion(
             shift=here.shift,

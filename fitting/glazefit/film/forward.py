@@ -58,8 +58,8 @@ class Expansion(NamedTuple):
     offset: PerReading  # -J delta*
     whiten: Float[Any, "*blocks rows rows"]  # W
     spread: Float[Any, "*blocks rows"]  # roots of b
-    place: Float[Any, "*blocks physical"]  # `Film.physical` where it was made
-    tilt: Float[Any, "*blocks physical"]  # slopes by that of half the logarithm of C's determinant
+    place: Float[Any, "*blocks appearance"]  # of the film where it was made
+    tilt: Float[Any, "*blocks appearance"]  # slopes of half the logarithm of C's determinant
 
 
 class FilmData(NamedTuple):
@@ -188,14 +188,6 @@ class Film:
         # Of no unknown the sum is 0.
         amounts = amounts * jnp.exp(jnp.sum(free[positions.thickness[n]]))
         return jnp.stack([data.absorption[:, members], data.scattering[:, members]]) * amounts
-
-    def physical(
-        self, free: PerUnknown, data: FilmData, shared: FilmShared
-    ) -> Float[Array, "physical"]:
-        """Log k d and log s d of all coats, gloss, and the log size of the paints' error."""
-        logs = jnp.log(jnp.maximum(self.optical(free, data, shared), 1e-9))
-        gloss = jax.nn.sigmoid(free[self.places.gloss])
-        return jnp.concatenate([logs.reshape(-1), gloss, free[self.places.error]])
 
     def surface(self, free: PerUnknown, shared: FilmShared) -> Scalar:
         """Reflectance that the surface adds to a reading."""
