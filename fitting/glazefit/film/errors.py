@@ -149,8 +149,8 @@ def _appearance(
     shared: FilmShared,
     shift: Float[Any, "errors bands"],
 ) -> tuple[Float[Array, "bands grounds"], Float[Array, "appearance"]]:
-    """Readings about some errors of the paints; and what slopes follow: the readings' logs without
-    the surface's part, gloss, and the log size of the errors.
+    """Readings about some errors of the paints; and the appearance: their logs without the
+    surface's part, gloss, and the log size of the errors.
     """
     by_coat = jnp.moveaxis(shift.reshape(len(film.sizes), 2, -1), 0, -1)
     readings = film.read(free, data, shared, by_coat)
@@ -285,7 +285,7 @@ def _appearances(
     shared: FilmShared,
     shift: Float[Array, "films errors bands"],
 ) -> tuple[Float[Array, "films appearance"], Float[Array, "films appearance dims"]]:
-    """What slopes follow, and its own slopes by the unknowns."""
+    """Appearance of films, and its slopes by the unknowns."""
 
     def one(free: Array, data: FilmData, shift: Array) -> tuple[Array, Array]:
         def at(free: Array) -> Array:
@@ -367,12 +367,18 @@ def _tilt(
     here: _Linear,
     data: FilmData,
     shared: FilmShared,
+    by_unknown: Float[np.ndarray, "films appearance dims"],
 ) -> Float[np.ndarray, "films appearance"]:
-    """Slopes of half the logarithm of C's determinant by the appearance.
+    """Slopes of half the logarithm of C's determinant by the appearance: the least of all that
+    agree with those by the unknowns, which are from differences.
 
-    By the unknowns from differences, and the least of all that agree with these. The sizes of the
-    errors are held: `PaintErrors` counts that of the paints at each place, and the model's follows
-    the readings, to which the unknowns are fitted.
+    The sizes of the errors are held: `PaintErrors` counts that of the paints at each place, and the
+    model's follows the readings, to which the unknowns are fitted.
+
+    Args:
+        film, free, data, shared: as for `expand`.
+        here: the films about their likeliest errors.
+        by_unknown: slopes of the appearance by the unknowns.
     """
     of_model = np.asarray(_of_model(here.computed, shared))
 
@@ -387,10 +393,9 @@ def _tilt(
     step = 1e-3
     before = half_log_determinant(free)
     rises = [half_log_determinant(free + step * unit) - before for unit in np.eye(free.shape[1])]
-    by_unknown = np.stack(rises, axis=-1)[:, None] / step
-    _, of_appearance = _appearances(film, free, data, shared, here.shift)
+    slopes = np.stack(rises, axis=-1)[:, None] / step
     # What changes no reading any more, as the share of an absent paint, has no slope.
-    return (by_unknown @ np.linalg.pinv(of_appearance, rcond=1e-6))[:, 0]
+    return (slopes @ np.linalg.pinv(by_unknown, rcond=1e-6))[:, 0]
 
 
 def usual_errors(film: Film, data: FilmData) -> Expansion:
@@ -430,7 +435,9 @@ def expand(
     basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
     of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
-    place = np.asarray(_appearances(film, free, data, shared, here.shift)[0])
+    place, by_unknown = map(np.asarray, _appearances(film, free, data, shared, here.shift))
+    # Of errors that are not yet the likeliest it would say nothing.
+    tilt = _tilt(film, free, here, data, shared, by_unknown) if steps else np.zeros_like(place)
     return data._replace(
         expansion=Expansion(
             shift=here.shift,
@@ -438,7 +445,6 @@ def expand(
             whiten=np.swapaxes(axes, 1, 2) @ basis,
             spread=np.sqrt(np.maximum(spread, 0.0)),
             place=place,
-            # Of errors that are not yet the likeliest it would say nothing.
-            tilt=_tilt(film, free, here, data, shared) if steps else np.zeros_like(place),
+            tilt=tilt,
         )
     )
