@@ -325,22 +325,32 @@ def _linearised(
     shift: Float[np.ndarray, "films errors bands"],
     data: FilmData,
     shared: FilmShared,
+    *,
+    steps: int,
 ) -> _Linear:
+    """The films about errors that are so many steps likelier than `shift`."""
     logs, above, stated = map(np.asarray, without_errors(film, free, data, shared))
-    linear = slopes(film, shared.response, logs + shift, data.ground)
-    by_log = np.asarray(linear.by_log)
-    by_stated = np.einsum("fmeb,febg->fmbg", stated, by_log)
-    variance = np.asarray(_variance(data, linear)).reshape(len(shift), -1)
-    computed = np.asarray(linear.body) + above[:, None, None]
-    return _Linear(
-        shift=shift,
-        size=np.exp(2.0 * free[:, -1])[:, None, None],
-        computed=computed.reshape(variance.shape),
-        by_log=by_log,
-        stated=stated,
-        by_stated=by_stated.reshape(*stated.shape[:2], variance.shape[1]),
-        variance=variance,
-    )
+
+    def about(shift: np.ndarray) -> _Linear:
+        linear = slopes(film, shared.response, logs + shift, data.ground)
+        by_log = np.asarray(linear.by_log)
+        by_stated = np.einsum("fmeb,febg->fmbg", stated, by_log)
+        variance = np.asarray(_variance(data, linear)).reshape(len(shift), -1)
+        computed = np.asarray(linear.body) + above[:, None, None]
+        return _Linear(
+            shift=shift,
+            size=np.exp(2.0 * free[:, -1])[:, None, None],
+            computed=computed.reshape(variance.shape),
+            by_log=by_log,
+            stated=stated,
+            by_stated=by_stated.reshape(*stated.shape[:2], variance.shape[1]),
+            variance=variance,
+        )
+
+    here = about(shift)
+    for _ in range(steps):
+        here = about(_likelier(here, data, shared))
+    return here
 
 
 def _likelier(
@@ -383,10 +393,8 @@ def _tilt(
     of_model = np.asarray(_of_model(here.computed, shared))
 
     def half_log_determinant(free: np.ndarray) -> np.ndarray:
-        at = _linearised(film, free, here.shift, data, shared)
         # The first step takes most of the way; what is left would show in thickness.
-        for _ in range(3):
-            at = _linearised(film, free, _likelier(at, data, shared), data, shared)
+        at = _linearised(film, free, here.shift, data, shared, steps=3)
         covariance = at._replace(size=here.size).caused(shared) + at.fixed(of_model)
         return 0.5 * np.linalg.slogdet(covariance)[1]
 
@@ -429,9 +437,7 @@ def expand(
     Newton from those before.
     """
     assert data.expansion is not None
-    here = _linearised(film, free, np.asarray(data.expansion.shift), data, shared)
-    for _ in range(steps):
-        here = _linearised(film, free, _likelier(here, data, shared), data, shared)
+    here = _linearised(film, free, np.asarray(data.expansion.shift), data, shared, steps=steps)
     basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
     of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
