@@ -121,7 +121,7 @@ class PaintErrors:
             white = expansion.whiten @ off.reshape(-1) / jnp.sqrt(1.0 + root**2)
             tilted = _tilted(expansion, appearance)
             return jnp.concatenate([white, root_of_log1p(root), tilted])
-        off, linear = _look(film, _unknown(film, free, data, shared), free, data, shared)
+        off, linear = _look(film, film.unknown_logs(free, shared), free, data, shared)
         through = linear.by_ground * data.ground_sd / data.sd
         precision = 1.0 / (data.sd * jnp.sqrt(1.0 + through**2))
         white = (off * precision).reshape(-1)
@@ -180,22 +180,15 @@ def _size(film: Film, free: PerUnknown) -> Scalar:
     return jnp.exp(jnp.sum(free[film.places.error]))
 
 
-def _unknown(
-    film: Film, free: PerUnknown, data: FilmData, shared: FilmShared
-) -> Float[Array, "2 bands"]:
-    """k d and s d of the unknown coat."""
-    return film.optical(free, data, shared)[..., film.unknown_coat]
-
-
 def _look(
     film: Film,
-    thickness: Float[Array, "2 bands"],
+    logs: Float[Array, "2 bands"],
     free: PerUnknown,
     data: FilmData,
     shared: FilmShared,
 ) -> tuple[Float[Array, "bands grounds"], Slopes]:
-    """Errors of the readings, and their slopes, at k d and s d of the unknown coat."""
-    linear = film.look_up(thickness, data, shared)
+    """Errors of the readings, and their slopes, at log k d and log s d of the unknown coat."""
+    linear = film.look_up(jnp.exp(logs), data, shared)
     return data.reflectance - film.surface(free, shared) - linear.body, linear
 
 
@@ -211,8 +204,7 @@ class ScaledReadings:
 
     def __call__(self, free: PerUnknown, data: FilmData, shared: FilmShared) -> Terms:
         """Of one film."""
-        logs = jnp.log(_unknown(self.film, free, data, shared))
-        return self._at(logs, free, data, shared).reshape(-1)
+        return self._at(self.film.unknown_logs(free, shared), free, data, shared).reshape(-1)
 
     def slopes(
         self, free: PerUnknown, data: FilmData, shared: FilmShared
@@ -222,7 +214,7 @@ class ScaledReadings:
 
         So slopes by k d and s d of all bands at once are enough, and by gloss and error each.
         """
-        logs = jnp.log(_unknown(self.film, free, data, shared))
+        logs = self.film.unknown_logs(free, shared)
         spectra = self.film.spectra
 
         def read(step: Float[Array, "2+others"]) -> Float[Array, "bands grounds"]:
@@ -242,7 +234,7 @@ class ScaledReadings:
         shared: FilmShared,
     ) -> Float[Array, "bands grounds"]:
         """From log k d and log s d of the unknown coat; of the unknowns gloss and error count."""
-        off, linear = _look(self.film, jnp.exp(logs), free, data, shared)
+        off, linear = _look(self.film, logs, free, data, shared)
         smooth = _size(self.film, free) ** 2 * jnp.diagonal(shared.smooth)[:, None]
         caused = smooth * jnp.sum(linear.by_log**2, axis=0)
         modes = _stated_of_known(self.film, data)

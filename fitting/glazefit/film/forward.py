@@ -166,6 +166,10 @@ class Film:
         """Number of the free unknowns."""
         return self.places.error.stop
 
+    def unknown_logs(self, free: PerUnknown, shared: FilmShared) -> Float[Array, "2 bands"]:
+        """Log k d and log s d of the coat of unknown paint."""
+        return shared.levels[:, None] + shared.modes @ free[self.places.spectra]
+
     def optical(
         self, free: PerUnknown, data: FilmData, shared: FilmShared
     ) -> Float[Array, "2 bands coats"]:
@@ -173,8 +177,7 @@ class Film:
         coats = []
         for n in range(len(self.sizes)):
             if n == self.unknown_coat:
-                logs = shared.levels[:, None] + shared.modes @ free[self.places.spectra]
-                coats.append(jnp.exp(logs))
+                coats.append(jnp.exp(self.unknown_logs(free, shared)))
                 continue
             coats.append(self.parts(n, free, data).sum(axis=-1))
         return jnp.stack(coats, axis=-1)
