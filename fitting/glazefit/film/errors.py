@@ -303,10 +303,9 @@ class _Linear(NamedTuple):
         """e^2 J K J^T."""
         return self.size * _caused(self.by_log, np.asarray(shared.smooth))
 
-    def fixed(
-        self, of_model: Float[np.ndarray, "films rows rows"]
-    ) -> Float[np.ndarray, "films rows rows"]:
-        """V, with the covariance of the model's own error."""
+    def fixed(self, shared: FilmShared) -> Float[np.ndarray, "films rows rows"]:
+        """V."""
+        of_model = np.asarray(_of_model(self.computed, shared))
         stated = np.swapaxes(self.by_stated, 1, 2) @ self.by_stated
         return of_model + stated + np.eye(self.variance.shape[1]) * self.variance[:, None]
 
@@ -352,8 +351,7 @@ def _likelier(
     reflectance = np.asarray(data.reflectance)
     target = reflectance - linear.computed.reshape(reflectance.shape)
     target += np.einsum("febg,feb->fbg", linear.by_log, linear.shift)
-    of_model = np.asarray(_of_model(linear.computed, shared))
-    covariance = linear.caused(shared) + linear.fixed(of_model)
+    covariance = linear.caused(shared) + linear.fixed(shared)
     flat = np.linalg.solve(covariance, target.reshape(len(target), -1, 1))
     pull = np.einsum("febg,fbg->feb", linear.by_log, flat.reshape(target.shape))
     likely = linear.size * (pull @ np.asarray(shared.smooth))
@@ -382,12 +380,12 @@ def _tilt(
         here: the films about their likeliest errors.
         by_unknown: slopes of the appearance by the unknowns.
     """
-    of_model = np.asarray(_of_model(here.computed, shared))
 
     def half_log_determinant(free: np.ndarray) -> np.ndarray:
         # The first step takes most of the way; what is left would show in thickness.
         at = _linearised(film, free, here.shift, data, shared, steps=3)
-        covariance = at._replace(size=here.size).caused(shared) + at.fixed(of_model)
+        at = at._replace(size=here.size, computed=here.computed)
+        covariance = at.caused(shared) + at.fixed(shared)
         return 0.5 * np.linalg.slogdet(covariance)[1]
 
     step = 1e-3
@@ -430,7 +428,7 @@ def expand(
     """
     assert data.expansion is not None
     here = _linearised(film, free, np.asarray(data.expansion.shift), data, shared, steps=steps)
-    basis = whitening(here.fixed(np.asarray(_of_model(here.computed, shared)))).basis
+    basis = whitening(here.fixed(shared)).basis
     of_unit_size = _caused(here.by_log, np.asarray(shared.smooth))
     spread, axes = np.linalg.eigh(basis @ of_unit_size @ np.swapaxes(basis, 1, 2))
     place, by_unknown = map(np.asarray, _appearances(film, free, data, shared, here.shift))
