@@ -28,17 +28,7 @@ from glazejax.geometry import Bidirectional, Geometry, Instrument
 from glazejax.spectra import as_array, on_numpy_or_jax, small
 
 from .optics import Optics
-from .spline import (
-    BEND,
-    HIGHEST,
-    cells_per_unit,
-    look_up,
-    nodes_of,
-    patches,
-    place,
-    weights,
-    within,
-)
+from .spline import HIGHEST, locate, look_up, nodes_of, patches, within
 
 _NODES = 80
 
@@ -188,14 +178,14 @@ def _spline_weights(thickness: Array, highest: float) -> tuple[Array, Array, Arr
     """Cell, weights and the derivatives of the weights by the optical thickness, which is in the
     table.
     """
-    cell, near, far = place(jnp, thickness, highest, _NODES)
-    slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
-    scale = 0.5 * cells_per_unit(highest, _NODES) / (BEND + thickness)
-    return (
-        cell,
-        jnp.stack(weights(near, far), axis=-1),
-        jnp.stack(slopes, axis=-1) * scale[..., None],
-    )
+
+    def weights(thickness: Array) -> tuple[Array, Array]:
+        cell, along = locate(jnp, thickness, highest, _NODES)
+        return along, cell
+
+    unit = jnp.ones_like(thickness)
+    along, slopes, cell = jax.jvp(weights, (thickness,), (unit,), has_aux=True)
+    return cell, along, slopes
 
 
 def film_response(instrument: Instrument | Geometry | str) -> FilmResponse:

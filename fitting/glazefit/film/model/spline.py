@@ -50,32 +50,12 @@ def not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
     return matrix
 
 
-def cells_per_unit(highest: float, nodes: int) -> float:
-    """Cells for each unit of the logarithm."""
-    return float((nodes - 1) / np.log1p(highest / BEND))
-
-
 def within(xp: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
     """K d and s d, (...), of coats no thicker than the table, and how many times as thick the coats
     are, 1 or more. Each keeps its k/s: nothing else of an opaque coat is seen.
     """
     beyond = xp.maximum(xp.maximum(absorption / HIGHEST[0], scattering / HIGHEST[1]), 1.0)
     return absorption / beyond, scattering / beyond, beyond
-
-
-def place(xp: Any, thickness: Any, highest: float, nodes: int) -> tuple[Any, Any, Any]:
-    """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
-    at = xp.log1p(thickness / BEND) * cells_per_unit(highest, nodes)
-    at = xp.clip(at, 0.0, nodes - 1)
-    cell = xp.minimum(xp.floor(at if xp is np else jax.lax.stop_gradient(at)), nodes - 2)
-    far = at - cell
-    return cell.astype(np.int32), 1.0 - far, far
-
-
-def weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
-    """Of the four cubic B-splines that reach into a cell."""
-    middle = (4.0 - 6.0 * far**2 + 3.0 * far**3) / 6.0, (4.0 - 6.0 * near**2 + 3.0 * near**3) / 6.0
-    return (near**3 / 6.0, *middle, far**3 / 6.0)
 
 
 def look_up(xp: Any, patches: Any, absorption: Any, scattering: Any, nodes: int) -> Any:
@@ -91,6 +71,19 @@ def look_up(xp: Any, patches: Any, absorption: Any, scattering: Any, nodes: int)
 
 
 def locate(xp: Any, thickness: Any, highest: float, nodes: int) -> tuple[Any, Any]:
-    """Cell and the four weights of each value, (...) and (..., 4)."""
-    cell, near, far = place(xp, thickness, highest, nodes)
-    return cell, xp.stack(weights(near, far), axis=-1)
+    """Cell of each value that is in the table, (...), and the weights of the four cubic B-splines
+    that reach into it, (..., 4).
+    """
+    at = xp.log1p(thickness / BEND) * float((nodes - 1) / np.log1p(highest / BEND))
+    # The last node ends the last cell.
+    cell = xp.clip(xp.floor(at if xp is np else jax.lax.stop_gradient(at)), 0.0, nodes - 2)
+    # How far a value lies from its cell's lower and from its upper end.
+    far = at - cell
+    near = 1.0 - far
+    weights = (
+        near**3,
+        4.0 - 6.0 * far**2 + 3.0 * far**3,
+        4.0 - 6.0 * near**2 + 3.0 * near**3,
+        far**3,
+    )
+    return cell.astype(np.int32), xp.stack(weights, axis=-1) / 6.0
