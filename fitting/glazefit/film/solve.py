@@ -83,8 +83,7 @@ class Gaussians(NamedTuple):
         white = xp.einsum("bpij,nbpj->nbpi", self.inverses, free[:, :, None] - self.means)
         diagonal = xp.diagonal(self.inverses, axis1=-2, axis2=-1)
         height = self.log_weights + xp.log(diagonal).sum(axis=-1) - 0.5 * (white**2).sum(axis=-1)
-        most = height.max(axis=-1, keepdims=True)
-        return most[..., 0] + xp.log(xp.exp(height - most).sum(axis=-1))
+        return xp.logaddexp.reduce(height, axis=-1)
 
 
 @dataclass(frozen=True)
