@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from glazejax.geometry import Instrument
 from glazejax.programs import Program
 
-from .films import CardReadings
+from .films import CardReadings, Reading
 from .model.optics import Optics
 from .model.response import FilmResponse, film_response
 from .model.spline import look_up, nodes_of, patches
@@ -252,7 +252,7 @@ def pose_each_band(
     instrument: Instrument,
     surface: float | np.ndarray,
     modes: Float[np.ndarray, "2 2"],
-    readings: CardReadings,
+    readings: CardReadings | Reading,
 ) -> tuple[Film, FilmData, FilmShared]:
     """Every band a film of its own: one coat of unknown paint, whose spectra are two numbers.
 
@@ -288,7 +288,7 @@ def pose_each_band(
         scattering=no_paint,
         shares=no_paint[:, 0],
         stated=np.zeros((len(no_paint), 0, 0, 2, 1)),
-        **{name: values[:, None] for name, values in readings._asdict().items()},
+        **{what: getattr(readings, what)[:, None] for what in CardReadings._fields},
     )
     return film, data, shared
 

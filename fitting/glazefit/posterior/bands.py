@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
-from ..film.films import CardReadings, Instrument, Reading
+from ..film.films import Instrument, Reading
 from ..film.forward import HIGHEST, pose_each_band
 from ..film.problem import FilmProblem, Quantity, fingerprint
 
@@ -65,12 +65,8 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> FilmPr
         gloss: share of the surface's reflection in the readings.
         instrument: its geometry.
     """
-    film, data, shared = pose_each_band(
-        instrument,
-        gloss * float(instrument.seen_surface),
-        _LOGS,
-        CardReadings(*(getattr(reading, what) for what in CardReadings._fields)),
-    )
+    surface = gloss * float(instrument.seen_surface)
+    film, data, shared = pose_each_band(instrument, surface, _LOGS, reading)
     return FilmProblem(
         kind="bands",
         blocks=tuple(f"{wavelength:g} nm" for wavelength in reading.wavelengths),
