@@ -47,7 +47,6 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
 
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
         """The state before the first step, which looks at the start itself."""
-        del fn, args, options, aux_struct, tags
         return _State(
             tried=y,
             residual=jnp.zeros(f_struct.shape, y.dtype),
@@ -59,7 +58,6 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
 
     def step(self, fn, y, args, options, state, tags) -> tuple[Array, _State, Any]:
         """One trial of every problem that has not settled."""
-        del options, tags
         residual, slopes, aux = _look(fn, state.tried, args)
         # What the linear model promised of the last move, and what it gained.
         move = state.tried - y
@@ -100,14 +98,12 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
 
     def terminate(self, fn, y, args, options, state, tags) -> tuple[Array, optx.RESULTS]:
         """True if all have settled."""
-        del fn, y, args, options, tags
         return jnp.all(state.done), optx.RESULTS.successful
 
     def postprocess(
         self, fn, y, aux, args, options, state, tags, result
     ) -> tuple[Array, Any, dict[str, Any]]:
         """Flags of those that have settled, as a statistic."""
-        del fn, args, options, tags, result
         return y, aux, {"settled": state.done}
 
     def _small(self, change: Array, value: Array) -> Bool[Array, "n"]:
