@@ -75,28 +75,19 @@ def levenberg_marquardt(
 
 
 def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
-    """Inverse and log determinant of a positive definite matrix of up to three rows, by Cholesky
-    factors.
+    """Inverse and log determinant of a positive definite matrix of a few rows, by Gauss and
+    Jordan's elimination, which needs no pivoting there.
     """
-    n = matrix.shape[-1]
-    lower = [[jnp.zeros_like(matrix[0, 0])] * n for _ in range(n)]
-    for i in range(n):
-        for j in range(i + 1):
-            pivot = matrix[i, j] - sum(lower[i][p] * lower[j][p] for p in range(j))
-            lower[i][j] = jnp.sqrt(jnp.maximum(pivot, 1e-12)) if i == j else pivot / lower[j][j]
-    unit = []
-    for column in range(n):
-        x: list[Array] = []
-        for i in range(n):
-            x.append(
-                ((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i)))
-                / lower[i][i]
-            )
-        unit.append(jnp.stack([jnp.asarray(v) for v in x]))
-    inverse = jnp.stack(unit, axis=1)
-    return inverse.T @ inverse, 2.0 * sum(
-        (jnp.log(lower[i][i]) for i in range(n)), jnp.zeros((), matrix.dtype)
-    )
+    identity = np.eye(len(matrix), dtype=matrix.dtype)
+    beside = jnp.concatenate([matrix, identity], axis=1)
+    log_determinant = jnp.zeros((), matrix.dtype)
+    for n, unit in enumerate(identity):
+        pivot = jnp.maximum(beside[n, n], 1e-12)
+        log_determinant += jnp.log(pivot)
+        row = beside[n] / pivot
+        others = beside - jnp.outer(beside[:, n], row)
+        beside = jnp.where(unit[:, None] > 0, row, others)
+    return beside[:, len(matrix) :], log_determinant
 
 
 Seen = tuple[Float[Array, ""], Float[Array, "n"], Float[Array, "n n"], Any]
