@@ -24,7 +24,7 @@ class _State(NamedTuple):
     residual: PerRow  # at the point
     slopes: SlopeMatrices
     length: Float[Array, "n"]  # one over the damping
-    first: Bool[Array, ""]
+    first: Bool[Array, "n"]
     done: Bool[Array, "n"]
 
 
@@ -52,7 +52,7 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
             residual=jnp.zeros(f_struct.shape, y.dtype),
             slopes=jnp.zeros((*f_struct.shape, y.shape[1]), y.dtype),
             length=jnp.ones(len(y), y.dtype),
-            first=jnp.ones((), bool),
+            first=jnp.ones(len(y), bool),
             done=jnp.zeros(len(y), bool),
         )
 
@@ -64,7 +64,6 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
         before = _half_square(state.residual)
         promised = _half_square(_times(state.slopes, move) + state.residual) - before
         gained = _half_square(residual) - before
-        # A step counts if it gained a share of the promise; the trust region follows.
         # What optimistix's trust region takes: a step counts from .01 of the gain that it promised,
         # and from .99 on the next may be longer.
         counts = (gained <= 0.01 * promised) | state.first
@@ -92,7 +91,7 @@ class SideBySide(optx.AbstractLeastSquaresSolver):
         )
         return (
             _where(state.done, y, point),
-            frozen._replace(first=jnp.zeros((), bool), done=state.done | new.done),
+            frozen._replace(first=jnp.zeros_like(state.first), done=state.done | new.done),
             aux,
         )
 
@@ -124,8 +123,6 @@ def _look(fn: Callable, point: PerVariable, args: Any) -> tuple[Array, Array, An
 
 
 def _where(chosen: Bool[Array, "n"], value: Array, alternative: Array) -> Array:
-    if value.ndim == 0:
-        return value
     return jnp.where(chosen.reshape(-1, *[1] * (value.ndim - 1)), value, alternative)
 
 
