@@ -219,8 +219,6 @@ class Films(Tabulated):
         """Values over black and over white, with those of a reading that there is not replaced by
         the other's.
         """
-        if self.seen.all():
-            return values
         mask = self.seen.reshape(*self.seen.shape, *[1] * (values.ndim - 2))
         return np.where(mask, values, values[:, ::-1])
 
