@@ -122,7 +122,6 @@ class FilmTable(NamedTuple):
             keep: sets of two paints that are kept, the nearest; of one paint all are.
         """
         spectra = (target @ self.project.T - self.middle).astype(np.float32)
-        alone = np.sum(spectra**2, axis=-1)
         # Minus half of the misfit that differs, by one product: the spectrum's components, and 1.
         augmented = np.concatenate([spectra, np.ones((len(spectra), 1), np.float32)], axis=1)
 
@@ -131,8 +130,7 @@ class FilmTable(NamedTuple):
             amounts = []
             for kind, count in zip(self.sizes, (None, keep), strict=False):
                 near = (augmented[n] @ kind.films).reshape(-1, len(kind.grid), len(kind.sets))
-                least = alone[n, None] - 2.0 * near.max(axis=1)
-                best = np.argsort(least, axis=1, kind="stable")[:, :count]
+                best = np.argsort(-near.max(axis=1), axis=1, kind="stable")[:, :count]
                 where = np.argmax(np.take_along_axis(near, best[:, None], axis=2), axis=1)
                 sets.append(kind.sets[best])
                 amounts.append(kind.grid[where])
