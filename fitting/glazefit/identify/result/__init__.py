@@ -1,7 +1,7 @@
 """Result of an identification: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -581,9 +581,16 @@ class Identification(Tabulated):
 
 
 _OF_SPECTRA = ("none", "misfit", "paint_probability")
-_OTHERS = ("measured", "paints", "opaque", "spread", "family_sets", "paint_families", "coats_odds")
-_OF_CANDIDATES = tuple(
-    field.name for field in fields(Identification) if field.name not in (*_OTHERS, *_OF_SPECTRA)
+_OF_CANDIDATES = (
+    "members",
+    "coats",
+    "amounts",
+    "log_covariance",
+    "probability",
+    "rejected",
+    "gloss",
+    "fitted",
+    "condition",
 )
 """Arrays with a row for each spectrum, and with a place for each of its candidates."""
 
