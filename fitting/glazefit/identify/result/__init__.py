@@ -468,9 +468,8 @@ class Identification(Tabulated):
             )
         # The nearest in colour of the five that a table shows as a rule; without colours by RMSE.
         shown = self.ranked(row, 5)
-        measured = [candidate for candidate in shown if np.isfinite(candidate.delta_e)]
-        if measured:
-            nearest = min(measured, key=lambda candidate: candidate.delta_e)
+        if np.isfinite(shown[0].delta_e):
+            nearest = min(shown, key=lambda candidate: candidate.delta_e)
             off = (
                 f"has the colour (Delta E00 {nearest.delta_e:.1f}) but not the shape of the "
                 "spectrum"
