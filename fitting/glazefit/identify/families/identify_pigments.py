@@ -89,17 +89,16 @@ def _identification(
     # The best sets of each spectrum as candidates, each by its best film.
     shape = best.shape
     template = odds.best[at]
-    pair = templates.members[template]
-    present = pair != NOBODY
-    members = np.insert(pair, 2, NOBODY, axis=-1)
+    members = np.insert(templates.members[template], 2, NOBODY, axis=-1)
+    mixed = members[..., 1] != NOBODY
     # A film that hides its ground is of no thickness: shown as a usual coat.
     coat = templates.thickness[template]
     depth = search.usual_coat * np.where(np.isinf(coat), 1.0, coat)
-    share = np.where(present[..., 1], odds.fraction[at], 1.0)
+    share = np.where(mixed, odds.fraction[at], 1.0)
     shares = np.stack([share, 1.0 - share, np.zeros(shape)], axis=-1)
     # Half of the variance of the log odds of the fractions to each log amount.
     spread = odds.fraction_sd[at] / np.maximum(share * (1.0 - share), 1e-6)
-    variance = np.where(present[..., 1], 0.5 * spread**2, 0.0)
+    variance = np.where(mixed, 0.5 * spread**2, 0.0)
     # Between the bands that are compared, and a little beyond them.
     near = lie_between(search.wavelengths, grid[0] - _EDGE, grid[-1] + _EDGE)
     between = [np.interp(search.wavelengths[near], grid, row) for row in np.eye(grid.size)]
@@ -107,9 +106,8 @@ def _identification(
     fitted[:, :, 0, near] = search.films(template, readings) @ np.array(between)
     # Each paint's probability is the sum over the candidates that hold it.
     probability = odds.sets[at]
-    paint_probability = np.zeros((len(measured), len(search.exemplars)))
-    row, column, index = np.nonzero(present)
-    np.add.at(paint_probability, (row, pair[row, column, index]), probability[row, column])
+    present = members[..., None] == np.arange(len(search.exemplars))
+    paint_probability = np.einsum("sc,scmp->sp", probability, present)
     return Identification(
         measured=measured,
         paints=tuple(paint.name for paint in search.exemplars),
@@ -121,9 +119,9 @@ def _identification(
         none=odds.none,
         misfit=-odds.evidence,
         # Other people's paint differs by eye from every exemplar; the evidence decides.
-        rejected=np.broadcast_to(odds.unlike[:, None], shape).copy(),
+        rejected=np.broadcast_to(odds.unlike[:, None], shape),
         paint_probability=np.minimum(paint_probability, 1.0),
-        gloss=np.broadcast_to(search.gloss(readings)[:, None], shape).copy(),
+        gloss=np.broadcast_to(search.gloss(readings)[:, None], shape),
         fitted=fitted,
         condition=np.zeros(shape, dtype=int),
         opaque=opaque,
