@@ -59,17 +59,17 @@ def usual_misfit(
     if not correct.any():
         return None
     # Residual of each right answer's film, at the bands where both are known.
-    off = np.full(readings.shape, np.nan)
+    residuals = []
     for row in np.flatnonzero(correct):
         template = int(odds.best[row, first[row]])
         grid = np.asarray(search.exemplars[rows[row]].wavelengths)
         # Beyond the bands that an exemplar is known at, its reading is made up.
-        covered = lie_between(search.wavelengths, grid[0], grid[-1]) & search.bands
+        covered = lie_between(search.wavelengths, grid[0], grid[-1])
         film = np.full(covered.size, np.nan)
         film[search.bands] = search.templates.readings[template] + search.surface
         film[~covered] = np.nan
-        off[row] = relative_misfit(readings[row], film)
-    off = off[correct & np.isfinite(off).any(axis=1)]
+        residuals.append(relative_misfit(readings[row], film))
+    off = np.array(residuals)
     # Over the bands of each answer, and over the answers at each band.
     by_answer = np.sqrt(np.nanmean(off**2, axis=1))
     finite = np.isfinite(off).any(axis=0)
