@@ -120,14 +120,13 @@ def _odds(
         weighed: sets for them.
         names: of all paints.
     """
-    totals = np.full((len(weighed), count), -np.inf)
-    for number, weighed_set in enumerate(weighed):
-        totals[number, weighed_set.rows] = np.asarray(logsumexp(weighed_set.logs, axis=0))
-    of_all = np.logaddexp.reduce(totals, axis=0)
-    # Of a spectrum without a set nothing is read.
-    shares = np.exp(totals - np.where(np.isneginf(of_all), 0.0, of_all))
+    totals = [np.asarray(logsumexp(weighed_set.logs, axis=0)) for weighed_set in weighed]
+    of_all = np.full(count, -np.inf)
+    for weighed_set, total in zip(weighed, totals, strict=True):
+        np.logaddexp.at(of_all, weighed_set.rows, total)
     of_rows: list[list[CoatsOdds]] = [[] for _ in range(count)]
-    for weighed_set, set_shares in zip(weighed, shares, strict=True):
+    for weighed_set, total in zip(weighed, totals, strict=True):
+        shares = np.exp(total - of_all[weighed_set.rows])
         set_names = [names[member] for member in weighed_set.members]
         arrangements = [evidence.arrangement for evidence in weighed_set.evidence]
         # Probability of each arrangement of this set.
@@ -136,7 +135,7 @@ def _odds(
             chance = chances[:, number]
             reason = _reason(weighed_set, chance, number)
             lies = dict(zip(arrangements, chance.tolist(), strict=True))
-            of_rows[row].append(_odds_of(set_names, lies, float(set_shares[row]), reason))
+            of_rows[row].append(_odds_of(set_names, lies, float(shares[number]), reason))
     return tuple(tuple(sorted(odds, key=lambda of_set: -of_set.share)) for odds in of_rows)
 
 
