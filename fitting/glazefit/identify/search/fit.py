@@ -166,7 +166,7 @@ def pool_of(task: IdentificationTask, sets: np.ndarray, fitted: Fitted) -> Pool:
     logs = np.where(members == NOBODY, -np.inf, np.pad(fitted.logs, room))
     return Pool(
         members=members,
-        coats=np.pad(np.zeros_like(sets), room),
+        coats=np.zeros_like(members),
         logs=logs,
         weighed=logs,
         covariance=np.pad(fitted.covariance, (*room, (0, 3 - size))),
