@@ -163,12 +163,12 @@ def _reason(weighed: WeighedSet, chances: Float[np.ndarray, "ways"], number: int
     layered = float(chances[weighed.layered].sum())
     if max(layered, 1.0 - layered) >= DECIDED:
         return ""
-    most, least = (
-        int(np.argmax(np.where(coats, chances, -1.0)))
+    # The most probable way of several coats, and that of one.
+    stack, flat = (
+        weighed.evidence[int(np.argmax(np.where(coats, chances, -1.0)))]
         for coats in (weighed.layered, ~weighed.layered)
     )
-    stack, flat = weighed.evidence[most].arrangement, weighed.evidence[least].arrangement
-    stack_reading, flat_reading = (weighed.evidence[n].readings[number] for n in (most, least))
+    stack_reading, flat_reading = (way.readings[number] for way in (stack, flat))
     off = stack_reading - flat_reading * (stack_reading @ flat_reading) / (
         flat_reading @ flat_reading
     )
@@ -176,8 +176,8 @@ def _reason(weighed: WeighedSet, chances: Float[np.ndarray, "ways"], number: int
     # cover.
     if np.sqrt(np.mean(off**2)) > 0.03:
         return "neither a mixture nor coats of these paints meet it well"
-    if flat.coats[0] == stack.coats[0]:
+    if flat.arrangement.coats[0] == stack.arrangement.coats[0]:
         return "the upper coat hides the lower one"
-    if len(flat.paints) == 1:
+    if len(flat.arrangement.paints) == 1:
         return "a second coat, if there is one, hardly shows"
     return "thin coats of these paints look like a mixture"
