@@ -101,7 +101,7 @@ def rank(chunk: Chunk, table: FilmTable) -> Pool:
 
     fitted = fit(near)
     pool = pool_of(task, near.sets, fitted)
-    if task.max_paints < 3 or task.paint_count < 3:
+    if task.max_paints < 3:
         return pool
     pairs = slice(task.paint_count, None)
     grown, new = grow_triples(

@@ -49,12 +49,12 @@ class Pool(Columns):
         return Pool(**{name: values[rows, chosen] for name, values in self.arrays().items()})
 
     def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
-        """This pool as rows of `count` spectra, side by side where a spectrum comes more than once;
-        all other places are empty, with a weight of -inf.
+        """This pool of one row or more as rows of `count` spectra, side by side where a spectrum
+        comes more than once; all other places are empty, with a weight of -inf.
         """
         order = np.argsort(rows, kind="stable")
         column = np.arange(len(rows)) - np.searchsorted(rows[order], rows[order])
-        shape = (count, int(column.max(initial=0)) + 1)
+        shape = (count, int(column.max()) + 1)
         at = rows[order], column
 
         def side_by_side(values: np.ndarray, nothing: float) -> np.ndarray:

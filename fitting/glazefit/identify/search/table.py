@@ -161,7 +161,7 @@ def film_table(
 
     Args:
         response, paints: of the instrument and of the catalogue, in single precision.
-        largest: set that is looked for.
+        largest: set that is looked for, of no more paints than there are.
         spread: standard deviation of the log of a film's total.
         ground: internal reflectance under the films.
         white: W, so that errors common to all films are |W r|^2.
@@ -174,7 +174,7 @@ def film_table(
             np.pad(sets_of(count, size), ((0, 0), (0, 2 - size)), constant_values=NOBODY),
             (totals * shares).reshape(-1, 2),
         )
-        for size, shares in enumerate(_SHARES[: min(largest, count)], start=1)
+        for size, shares in enumerate(_SHARES[:largest], start=1)
     ]
 
     def read(
