@@ -194,7 +194,7 @@ class IdentificationTask(NamedTuple):
     discrepancy: ModelError
     prior: Prior
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
-    max_paints: int
+    max_paints: int  # no more than there are
     effort: Effort
     hides: bool  # the films hide their ground
 

@@ -77,10 +77,10 @@ def weigh(weight: PerCandidate, misfits: Misfits, prior: Prior) -> Odds:
     # A fit that a person rejects by eye is never more probable than none.
     rejected = misfits.delta_e**2 - noise > REJECTED**2
     odds = np.where(rejected, np.minimum(odds, share * prior.unknown), odds)
-    # Geometric mean of the candidates' misfits, each with its odds; those without odds have none.
+    # Geometric mean of the candidates' misfits, each with its odds.
     weights = odds / odds.sum(axis=1, keepdims=True)
     log_misfits = np.log(np.clip(judged, 0.1, 100.0))
-    misfit = np.exp(np.sum(np.where(weights > 0, weights * log_misfits, 0.0), axis=1))
+    misfit = np.exp(np.sum(weights * log_misfits, axis=1))
     # None has as many odds as expected at a misfit that is just not seen, and fewer below; what is
     # seen has lowered the candidates' own odds already.
     none = prior.unknown * np.exp(
