@@ -135,7 +135,11 @@ def _spot(identification: Identification, row: int, top: int, bands: np.ndarray 
             for rank, candidate in enumerate(ranked, start=1)
         ],
         "ruled_out": [
-            {**paint._asdict(), "delta_e": _number(paint.delta_e), "rmse": _number(paint.rmse)}
+            {
+                **paint._asdict(),
+                "delta_e": _plain_numbers(paint.delta_e),
+                "rmse": _plain_numbers(paint.rmse),
+            }
             for paint in ruled_out(identification, row)
         ],
     }
@@ -159,9 +163,9 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> Re
         "rank": rank,
         "words": candidate.words,
         "probability": candidate.probability,
-        "thickness_um": _number(candidate.thickness * micro),
-        "thickness_90_um": _numbers(candidate.thickness_90 * micro),
-        "delta_e_2000": _number(candidate.delta_e),
+        "thickness_um": _plain_numbers(candidate.thickness * micro),
+        "thickness_90_um": _plain_numbers(candidate.thickness_90 * micro),
+        "delta_e_2000": _plain_numbers(candidate.delta_e),
         "rmse": candidate.rmse,
         "spectral_angle_deg": candidate.angle,
         "gloss": candidate.gloss,
@@ -170,9 +174,9 @@ def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> Re
                 "name": name,
                 "coat": candidate.coats[n] + 1,
                 "fraction": float(candidate.fractions[n]),
-                "fraction_90": _numbers(candidate.fractions_90[n]),
-                "amount_um": _number(candidate.amounts[n] * micro),
-                "amount_90_um": _numbers(candidate.amounts_90[n] * micro),
+                "fraction_90": _plain_numbers(candidate.fractions_90[n]),
+                "amount_um": _plain_numbers(candidate.amounts[n] * micro),
+                "amount_90_um": _plain_numbers(candidate.amounts_90[n] * micro),
             }
             for n, name in enumerate(candidate.paints)
         ],
@@ -274,18 +278,15 @@ def describe_colours(identification: Identification, row: int) -> dict[str, list
         return None
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _numbers(values: np.ndarray) -> list[float] | None:
-    return values.tolist() if np.isfinite(values).all() else None
+def _plain_numbers(values: float | np.ndarray) -> Any:
+    """A number, or a list of them, as JSON has it; None where one is not known."""
+    return np.asarray(values).tolist() if np.isfinite(values).all() else None
 
 
 def round_spectra(spectra: Float[np.ndarray, "grounds bands"]) -> list[list[float | None]]:
     """Spectra with as many digits as are filed; what is not known at a band is None there."""
     # Six digits separate spectra in the JSON.
-    return [[_number(x) for x in line] for line in np.round(spectra, 6).tolist()]
+    return [[x if np.isfinite(x) else None for x in line] for line in np.round(spectra, 6).tolist()]
 
 
 COLUMNS = (
