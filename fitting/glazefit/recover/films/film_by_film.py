@@ -85,10 +85,9 @@ def starts(
 
     # Nothing expected, no pull.
     cost = cost + jnp.where(jnp.isnan(expected), 0.0, log_scattering - expected) ** 2
-    walled = jnp.pad(cost, 1, constant_values=jnp.inf)
-    rows, columns = cost.shape
-    around = jnp.stack([walled[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
-    minima = jnp.where(cost <= around.min(axis=0), cost, jnp.inf).ravel()
+    columns = cost.shape[1]
+    around = jax.lax.reduce_window(cost, jnp.inf, jax.lax.min, (3, 3), (1, 1), "SAME")
+    minima = jnp.where(cost <= around, cost, jnp.inf).ravel()
     first = jnp.argmin(cost)
     second = jnp.argmin(minima.at[first].set(jnp.inf))
     second = jnp.where(jnp.isfinite(minima[second]), second, first)
