@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
-from scipy.linalg import get_lapack_funcs
+from scipy.linalg import cholesky_banded, get_lapack_funcs
 
 from ...film.model.errors import principal_modes
 from ...film.numerics.least_squares import Descent, Surroundings, descend
@@ -34,7 +34,7 @@ from .problem import JointProblem, JointResiduals, Unknowns, residuals, totals
 Vectors: TypeAlias = Float[np.ndarray, "unknowns *columns"]
 """Numbers of all unknowns in a row, or several such columns."""
 
-_factorise_band, _solve_band = get_lapack_funcs(("pbtrf", "tbtrs"), dtype=np.float64)
+_solve_band = get_lapack_funcs("tbtrs", dtype=np.float64)
 
 
 class Normal(NamedTuple):
@@ -165,9 +165,7 @@ def factorise(normal: Normal, damping: float = 0.0) -> Factors:
         diagonals[below, :, : local - below] = np.diagonal(normal.inner, -below, 1, 2)
     diagonals[::local] += normal.ties
     diagonals[0] += damping
-    factor, failed = _factorise_band(diagonals.reshape(len(diagonals), -1), lower=1)
-    if failed:
-        raise np.linalg.LinAlgError
+    factor = cholesky_banded(diagonals.reshape(len(diagonals), -1), lower=True, check_finite=False)
     border, _ = _solve_band(factor, np.reshape(normal.border, (-1, shared)), uplo="L")
     corner = normal.corner + damping * np.eye(shared) - border.T @ border
     return Factors(factor, border, np.linalg.inv(np.linalg.cholesky(corner)))
