@@ -253,7 +253,10 @@ class JointCovariance(NamedTuple):
     def times(
         self, vectors: Float[np.ndarray, "unknowns columns"]
     ) -> Float[np.ndarray, "unknowns columns"]:
-        """The covariance times some vectors."""
+        """The covariance times some vectors, which may be none."""
+        # Of no columns LAPACK's wrapper writes where it must not (scipy 1.17).
+        if not vectors.shape[1]:
+            return vectors
         count = len(self.factors.border)
         shared = vectors[count:] + self.modes @ vectors
         solved = solve(self.factors, np.concatenate([vectors[:count], shared]))
@@ -263,15 +266,10 @@ class JointCovariance(NamedTuple):
         self, numbers: Sequence[int]
     ) -> tuple[Float[np.ndarray, "known numbers"], Float[np.ndarray, "known numbers"]]:
         """Slopes of the bands' unknowns by some of the `others`, and their covariance with them."""
-        count = len(self.factors.border)
-        # Of no columns LAPACK's wrapper writes where it must not (scipy 1.17).
-        if not len(numbers):
-            nothing = np.zeros((0, count))
-            return nothing, nothing
         size = self.modes.shape[1]
-        rows = size - self.others + np.array(numbers)
-        columns = self.times(np.eye(size)[:, rows])
-        across = columns[:count].T
+        rows = size - self.others + np.array(numbers, dtype=int)
+        columns = self.times(np.equal.outer(np.arange(size), rows).astype(float))
+        across = columns[: len(self.factors.border)].T
         return np.linalg.inv(columns[rows]) @ across, across
 
     def draw(self, best: Unknowns, count: int) -> Unknowns:
@@ -323,12 +321,9 @@ def thickness_variances(
     variances = np.diagonal(covariance.of_shared)[: films * per_film : per_film].copy()
     # Where a tenth is left open the density along the thickness is a Gaussian.
     much_open = np.flatnonzero(variances > 0.1 * problem.scale.films[:, 0] ** 2)
-    # LAPACK's wrapper must not be asked for no columns (`JointCovariance.regress`).
-    if not much_open.size:
-        return variances
     flat = np.concatenate([np.ravel(block) for block in unknowns])
     rows = problem.mean.bands.size + per_film * much_open
-    columns = covariance.times(np.eye(flat.size)[:, rows])
+    columns = covariance.times(np.equal.outer(np.arange(flat.size), rows).astype(float))
     best = totals(unknowns, problem, sign=-1.0)
     for film, column in zip(much_open, columns.T, strict=True):
         # All else as is expected of a film whose log thickness is larger by 1.
