@@ -153,8 +153,7 @@ class _CoatAmounts:
     """A coat's thickness and fractions from the free unknowns, (..., dims), and from random numbers
     where these follow.
 
-    Readings show an amount of each paint, thickness times fraction times strength. Without random
-    numbers all strengths are 1.
+    Readings show an amount of each paint, thickness times fraction times strength.
     """
 
     median: float  # thickness expected, m
@@ -172,13 +171,16 @@ class _CoatAmounts:
         return softmax(np.concatenate([logs, np.zeros_like(logs[..., :1])], axis=-1), axis=-1)
 
     def log_strengths(self, values: FreeAndRandom) -> Float[np.ndarray, "*n paints"]:
-        """Of the paints, from their distribution and the thickness expected.
+        """Of the paints, from their distribution and the thickness expected; 0 without random
+        numbers.
 
         Draws of both before the readings are moved by what the readings show of their product
         (Matheron's rule: Journel, Huijbregts, Mining Geostatistics, 1978).
         """
-        thickness, *strengths = np.moveaxis(values[..., self.random], -1, 0)
         fractions = self.shown(values)
+        if values.shape[-1] < self.random.stop:
+            return np.zeros_like(fractions)
+        thickness, *strengths = np.moveaxis(values[..., self.random], -1, 0)
         before = STRENGTH * np.stack(strengths, axis=-1)
         product = self.spread * thickness + np.sum(fractions * before, axis=-1)
         variance = self.spread**2 + STRENGTH**2 * np.sum(fractions**2, axis=-1)
@@ -187,18 +189,13 @@ class _CoatAmounts:
 
     def fraction(self, values: FreeAndRandom, which: int) -> np.ndarray:
         """Of one paint."""
-        fractions = self.shown(values)
-        if values.shape[-1] >= self.random.stop:
-            amounts = fractions * np.exp(-self.log_strengths(values))
-            fractions = amounts / amounts.sum(axis=-1, keepdims=True)
-        return fractions[..., which]
+        amounts = self.shown(values) * np.exp(-self.log_strengths(values))
+        return amounts[..., which] / amounts.sum(axis=-1)
 
     def total(self, values: FreeAndRandom) -> np.ndarray:
         """Thickness, m."""
-        logs = values[..., self.thickness].sum(axis=-1)
-        if values.shape[-1] >= self.random.stop:
-            logs = logs - np.sum(self.shown(values) * self.log_strengths(values), axis=-1)
-        return self.median * np.exp(logs)
+        stronger = np.sum(self.shown(values) * self.log_strengths(values), axis=-1)
+        return self.median * np.exp(values[..., self.thickness].sum(axis=-1) - stronger)
 
 
 def name_unknowns(
