@@ -133,18 +133,21 @@ def identify_open(problem: FilmProblem, free: FreeDraws, wavelengths: Bands) -> 
     if problem.kind == "bands":
         return _of_spectra(problem.spectra(free), wavelengths)
     draws = free[:, 0]
-    by_coats = problem.kind == "stack"
+    if problem.kind == "paints":
+        sentences = open_above(problem, free)
+        sentences += _open_directions(draws, problem, range(problem.dims), alone=True)
+        return sentences
     prior = problem.prior_draws(np.random.default_rng(0), 4000)
-    sentences = [] if by_coats else open_above(problem, free)
-    ties = [] if by_coats else [*range(problem.dims)]
-    for quantity in problem.quantities if by_coats else ():
+    sentences = []
+    ties = []
+    for quantity in problem.quantities:
         if quantity.name not in problem.unknowns:
             continue
         unchanged, sentence = _compare_with_prior(quantity, draws, prior)
         sentences += [sentence] if sentence else []
         if not unchanged and " of coat " in quantity.name:
             ties.append(problem.unknowns.index(quantity.name))
-    sentences += _open_directions(draws, problem, ties, alone=not by_coats)
+    sentences += _open_directions(draws, problem, ties, alone=False)
     if spectra := problem.spectra(free):
         sentences += [
             f"unknown paint, {sentence}" for sentence in _of_spectra(spectra, wavelengths)
