@@ -168,6 +168,6 @@ def cross_validate(
         predictions=tuple(judged),
         fitted=whole.delta_e()[done],
         films=chosen,
-        variation=learn(evidence, mixing),
+        variation=learn(evidence),
         complete=len(done) == len(rows),
     )
