@@ -167,22 +167,20 @@ class Prediction(Tabulated):
 
 
 def mean_part_errors(
-    predictions: Sequence[Prediction],
-    eye: tuple[str, str] = ("D65", "10"),
-    parts: tuple[str, ...] = PARTS,
+    predictions: Sequence[Prediction], eye: tuple[str, str] = ("D65", "10")
 ) -> dict[str, float]:
-    """Mean CIEDE2000 that each of some of `PARTS` is expected to make predictions off, for an
-    illuminant and an observer.
+    """Mean CIEDE2000 that each of `PARTS` is expected to make predictions off, for an illuminant
+    and an observer.
     """
     return {
         source: float(np.mean([p.expected_error(*eye, parts=(source,)) for p in predictions]))
-        for source in parts
+        for source in PARTS
     }
 
 
 def say_paint_errors(predictions: Sequence[Prediction], eye: tuple[str, str]) -> str:
     """Say what errors of the paints' own k and s add to a colour, Delta E 2000."""
-    errors = mean_part_errors(predictions, eye, ("scale", "paint"))
+    errors = mean_part_errors(predictions, eye)
     return (
         f"{errors['scale']:.1f} by the level of their k and s, and {errors['paint']:.1f} by their "
         "shape"
