@@ -8,7 +8,7 @@ and finds them from a reading: strength above all. What is then predicted of oth
 thicknesses and grounds is that same mixing, no more another one.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -47,11 +47,6 @@ films.
 """
 SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
-
-ErrorsAt = Callable[[float, CardSpectra], tuple[CardSpectra, DrawnSpectra]]
-"""Expected errors of readings of a film, and each draw's deviation from them, by its relative
-thickness and its reflectance over black and white.
-"""
 
 
 class _MixedPaint(NamedTuple):
@@ -154,7 +149,6 @@ def predict_mixture(
     instrument = resolve_instrument(instrument)
     response = response or film_response(instrument)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
-    errors_at = None
     if calibrated is None:
         _, grid, coefficients, modes = _mix(pigments, recipe, wavelengths, law)
         # Draws of the errors of the paints, and of the film's own.
@@ -173,11 +167,11 @@ def predict_mixture(
         drawn = drawn_mixture(calibrated)
         off = [np.zeros_like(drawn), drawn, np.zeros_like(drawn)]
         gloss = float(calibrated.gloss[0])
-        errors_at = reading_errors(calibrated, (spread or Spread()).alike)
     # Film by film: the mean reading, and the deviations of each draw from it.
     errors = [np.zeros((1, 2, grid.size)), *off]
     grounds = usual_cards(grid) if ground is None else ground
     surface = instrument.seen_surface * gloss
+    alike = (spread or Spread()).alike
     out = []
     for metres in thickness:
         if not metres > 0:
@@ -187,8 +181,8 @@ def predict_mixture(
         # Part by part: of so few films NumPy has the readings before JAX has compiled anything.
         parts = [film_readings(response, coefficients * metres, part, grounds) for part in errors]
         mean, deviations = split_draws(np.concatenate(parts) + surface)
-        if errors_at is not None:
-            shift, extra = errors_at(metres / UNIT, mean)
+        if calibrated is not None:
+            shift, extra = reading_errors(calibrated, alike, metres / UNIT, mean)
             mean = mean + shift
             deviations["paint"] += extra
         over_black, over_white = mean
@@ -206,8 +200,11 @@ def predict_mixture(
     return out
 
 
-def reading_errors(calibrated: JointRecovery, correlation: float) -> ErrorsAt:
-    """Errors of readings of a mixture, by their surface, their gain, and the model.
+def reading_errors(
+    calibrated: JointRecovery, correlation: float, thickness: float, reflectance: CardSpectra
+) -> tuple[CardSpectra, DrawnSpectra]:
+    """Expected errors of readings of a mixture, by their surface, their gain, and the model; and
+    each draw's deviation from them.
 
     One draw of them holds for films of every thickness. A film that was read, over another card,
     is off as its reading was, as far as the two are correlated.
@@ -215,6 +212,8 @@ def reading_errors(calibrated: JointRecovery, correlation: float) -> ErrorsAt:
     Args:
         calibrated: fit of what was read.
         correlation: of errors of one film over two cards.
+        thickness: of the film, relative.
+        reflectance: of the film.
     """
     films = calibrated.films
     size = calibrated.expectations
@@ -241,31 +240,27 @@ def reading_errors(calibrated: JointRecovery, correlation: float) -> ErrorsAt:
     rng = np.random.default_rng(1)
     gain = rng.standard_normal((len(gloss), 2, 1))
     model = draw_model_errors(rng, len(gloss), 2, calibrated.wavelengths, SMOOTH)
+    new = size.gain * reflectance * gain + size.model_sd(reflectance) * model
     through = np.flatnonzero(~films.opaque)
-
-    def errors_at(thickness: float, expected: CardSpectra) -> tuple[CardSpectra, DrawnSpectra]:
-        new = size.gain * expected * gain + size.model_sd(expected) * model
-        if through.size == 0:
-            return np.zeros_like(expected), surface + new
-        distances = np.abs(np.log(calibrated.thickness[through] / thickness))
-        film = through[distances.argmin()]
-        # A film as thick as the one that was read is that film. With thickness a tenth off, as a
-        # standard deviation, less and less of the reading's errors goes.
-        same = correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
-        # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what
-        # was read over one card or two.
-        reached = reach[film].T  # (bands, 2)
-        card_covariance = correlation * reached[:, :, None] * reached[:, None, :]
-        card_covariance[:, [0, 1], [0, 1]] = 1.0
-        towards = same * reached
-        share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
-        remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
-        kept = np.einsum("bc,dcb->db", share, off[:, film])[:, None]
-        kept = kept * _error_size(size, expected)
-        shift = kept[0]
-        return shift, surface + (kept[1:] - shift) + remaining * new
-
-    return errors_at
+    if through.size == 0:
+        return np.zeros_like(reflectance), surface + new
+    distances = np.abs(np.log(calibrated.thickness[through] / thickness))
+    film = through[distances.argmin()]
+    # A film as thick as the one that was read is that film. With thickness a tenth off, as a
+    # standard deviation, less and less of the reading's errors goes.
+    same = correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
+    # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what was
+    # read over one card or two.
+    reached = reach[film].T  # (bands, 2)
+    card_covariance = correlation * reached[:, :, None] * reached[:, None, :]
+    card_covariance[:, [0, 1], [0, 1]] = 1.0
+    towards = same * reached
+    share = np.linalg.solve(card_covariance, towards[:, :, None])[:, :, 0]
+    remaining = np.sqrt(np.maximum(1.0 - np.sum(share * towards, axis=1), 0.0))
+    kept = np.einsum("bc,dcb->db", share, off[:, film])[:, None]
+    kept = kept * _error_size(size, reflectance)
+    shift = kept[0]
+    return shift, surface + (kept[1:] - shift) + remaining * new
 
 
 def _error_size(
