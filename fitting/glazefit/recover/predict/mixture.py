@@ -241,13 +241,12 @@ def reading_errors(
     gain = rng.standard_normal((len(gloss), 2, 1))
     model = draw_model_errors(rng, len(gloss), 2, calibrated.wavelengths, SMOOTH)
     new = size.gain * reflectance * gain + size.model_sd(reflectance) * model
-    through = np.flatnonzero(~films.opaque)
-    if through.size == 0:
-        return np.zeros_like(reflectance), surface + new
-    distances = np.abs(np.log(calibrated.thickness[through] / thickness))
-    film = through[distances.argmin()]
     # A film as thick as the one that was read is that film. With thickness a tenth off, as a
-    # standard deviation, less and less of the reading's errors goes.
+    # standard deviation, less and less of the reading's errors goes. How thick one is that hides
+    # its ground nobody knows.
+    distances = np.abs(np.log(calibrated.thickness / thickness))
+    distances = np.where(films.opaque, np.inf, distances)
+    film = distances.argmin()
     same = correlation * np.exp(-0.5 * (distances.min() / 0.1) ** 2)
     # Simple kriging (Journel, Huijbregts, Mining Geostatistics, 1978), band by band, from what was
     # read over one card or two.
