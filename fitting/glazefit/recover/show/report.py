@@ -16,7 +16,7 @@ from glazejax.plots import hex_colour
 from glazejax.report import plain_table, swatch
 from glazejax.spectra import Bands, ranges
 
-from ..coats.coats import CoatPrediction, CoatRecovery, CoatScattering
+from ..coats.coats import CoatPrediction, CoatRecovery
 from ..films.result import RELATIVE_LIMIT, RULE, Recovery
 from ..joint.joint import UNIT
 from ..joint.result import JOINT_RULE, JointRecovery
@@ -247,10 +247,11 @@ def report_coats(
     table = plain_table("paint", "coats", "s d of one coat", "met to", title=title)
     for paint, fit in recovery.paints.items():
         coats = ", ".join(f"{recovery.coats[name]:g}" for name in fit.films.names)
+        scattering = recovery.scattering(paint)
         table.add_row(
             paint,
             coats,
-            _factor(recovery.scattering(paint)),
+            f"{np.exp(scattering.mean):.2g} ×÷ {np.exp(scattering.sd):.2g}",
             f"ΔE00 {_difference(fit.delta_e().mean(), 1)}",
         )
     yield table
@@ -321,10 +322,6 @@ def next_coat_table(predictions: Sequence[CoatPrediction]) -> Table:
         )
     )
     return ("paint", "coats", "wavelength_nm", "reflectance", "low_90", "high_90"), rows
-
-
-def _factor(scattering: CoatScattering) -> str:
-    return f"{np.exp(scattering.mean):.2g} ×÷ {np.exp(scattering.sd):.2g}"
 
 
 def report_left_out(out: LeftOut) -> Iterator[RenderableType]:
