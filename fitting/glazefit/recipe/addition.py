@@ -99,7 +99,7 @@ def next_addition(
     components = [mixture, *(paint.resample(grid) for paint in pigments)]
     # A film of 5 mm hides the ground.
     thickness = 5e-3 if hides else float(calibrated.thickness[0]) * UNIT
-    model = make_model(components, ground, seen_by, eye[:1], eye[1], (thickness, thickness))
+    model = make_model(components, ground, seen_by, eye[:1], eye[1])
     model = model._replace(surface=model.surface * float(calibrated.gloss[0]))
 
     def labs(amounts: Trials) -> Float[np.ndarray, "tried 3"]:

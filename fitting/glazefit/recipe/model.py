@@ -45,7 +45,6 @@ class StackModel(NamedTuple):
     """
     weights: Float[Any, "bands lights 3"]  # reflectance to XYZ
     white: Float[Any, "lights 3"]
-    span: Float[Any, "2"]  # logarithms of the thinnest and thickest coat, um
     film: FilmResponse
 
 
@@ -67,16 +66,14 @@ def make_model(
     instrument: Instrument,
     illuminants: Sequence[str],
     observer: str,
-    thickness: tuple[float, float],
 ) -> StackModel:
-    """Model of stacks of some paints; thickness in m, k and s in 1/m as everywhere else.
+    """Model of stacks of some paints, whose k and s are in 1/m as everywhere else.
 
     Args:
         pigments: on one grid.
         ground: internal reflectance, scalar or (bands,).
         instrument: with the index of all coats.
         illuminants, observer: full names.
-        thickness: of the thinnest and the thickest coat, m.
     """
     grid = pigments[0].wavelengths
     weights = np.stack(
@@ -92,7 +89,6 @@ def make_model(
         surface=np.asarray(instrument.seen_surface),
         weights=weights,
         white=weights.sum(axis=0),
-        span=np.log(np.asarray(thickness) * 1e6),
         film=film_response(instrument),
     )
 

@@ -317,7 +317,7 @@ def _recipe(
     exact, *near = labs[:, 0]
     resized = np.reshape(near[: 2 * len(coats)], (-1, 2, 3))
     # A coat at a bound, within 5 % or a rounding step, that would come nearer beyond it.
-    bounds = np.exp(task.model.span)[::-1]
+    bounds = np.array(task.span)[::-1]
     thickness = np.array([[1e6 * coat.thickness] for coat in coats])
     gain = delta_e[0] - colour.delta_e_2000(resized, goals[0])
     limits = (np.abs(thickness - bounds) < np.maximum(0.05 * bounds, 0.11)) & (gain > 0.05)

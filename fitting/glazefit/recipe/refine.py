@@ -155,8 +155,9 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
     share = amount / np.maximum(np.take_along_axis(total, coat, axis=1), 1e-12)
     # Less of a paint than this, as a logarithm, is none.
     faded = -9.0
-    low = np.repeat([task.model.span[0], faded], [coats, order.shape[1]])
-    high = np.repeat([task.model.span[1], 0.0], [coats, order.shape[1]])
+    thinnest, thickest = np.log(task.span)
+    low = np.repeat([thinnest, faded], [coats, order.shape[1]])
+    high = np.repeat([thickest, 0.0], [coats, order.shape[1]])
     values = np.hstack([total, share])
     point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
     return Amounts(stacks.target, order, member), point, Bounds(low, high, longest=1.0)
@@ -287,7 +288,7 @@ def simplify(task: RecipeTask, stacks: Stacks) -> Stacks:
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
-    simple = merge_coats(pack_coats(sizes[changed]), float(np.exp(task.model.span[1])))
+    simple = merge_coats(pack_coats(sizes[changed]), task.span[1])
     return Stacks.before_refinement(simple, stacks.target[changed], stacks.cost[changed])
 
 
@@ -307,6 +308,7 @@ def grown(task: RecipeTask, parents: Stacks) -> Stacks:
 def enlargements(task: RecipeTask, stack: OneStack) -> Iterator[OneStack]:
     """Stacks with one paint or one coat more, within the limits of the search."""
     power = task.model.strength
+    thinnest, thickest = task.span
     present = stack.sum(axis=0) > 0
     filled = np.count_nonzero(stack.any(axis=1))
     positions = range(filled + 1) if task.glazes else (0, filled)
@@ -324,7 +326,7 @@ def enlargements(task: RecipeTask, stack: OneStack) -> Iterator[OneStack]:
         # An added coat starts thin or half-way between thinnest and thickest.
         for fraction in (0.15, 0.5) if filled < task.max_coats else ():
             coat = np.zeros(stack.shape[1])
-            coat[paint] = np.exp(task.model.span @ [1.0 - fraction, fraction])
+            coat[paint] = thinnest ** (1.0 - fraction) * thickest**fraction
             for at in positions:
                 # The same paint twice in a row would be one thicker coat.
                 near = stack[max(at - 1, 0) : at + 1]

@@ -122,7 +122,7 @@ def screen(
     `progress` is called after each block of coats.
     """
     count = 1 if task.glazes else min(task.max_paints, MOST_SCREENED)
-    coats = {n: coats_of(task.model, n, task.seed) for n in range(1, count + 1)}
+    coats = {n: coats_of(task, n) for n in range(1, count + 1)}
     nothing = Coats(np.zeros((1, 3), int), np.zeros((1, 1, 3)))
     pairs = [(coats[n], nothing, keep[n - 1]) for n in coats]
     for n, m in itertools.product(coats, repeat=2) if task.max_coats > 1 else ():
@@ -134,14 +134,14 @@ def screen(
     return Stacks.join([_nearest(task, *pair, note) for pair in pairs]).best(keep[-1])
 
 
-def coats_of(model: StackModel, n: int, seed: int) -> Coats:
+def coats_of(task: RecipeTask, n: int) -> Coats:
     """Coats of every set of n paints, on the grid of proportions and thicknesses."""
-    count = len(model.absorption)
-    sets = np.array(list(itertools.combinations(range(count), n)))
+    sets = np.array(list(itertools.combinations(range(len(task.pigments)), n)))
     # Range of the logarithm of a paint's share over another's, when both are weighted by their
     # strength.
     wide = 4.5
-    thickness = np.exp(np.linspace(model.span[0], model.span[1], 4 if n > 1 else 8)).reshape(-1, 4)
+    thinnest, thickest = task.span
+    thickness = np.geomspace(thinnest, thickest, 4 if n > 1 else 8).reshape(-1, 4)
     if n == 1:
         # A paint alone has more thicknesses: the thinner and the thicker half.
         logs = np.zeros((2, 1))
@@ -150,10 +150,10 @@ def coats_of(model: StackModel, n: int, seed: int) -> Coats:
     else:
         # Points that fill the plane of the two ratios evenly: multiples of the powers of the root
         # of x^3 = x + 1, from a point of the seed's (M. Roberts 2018).
-        ratios = np.random.default_rng(seed).random(2)
+        ratios = np.random.default_rng(task.seed).random(2)
         ratios = (ratios + np.arange(20)[:, None] * 1.32471795724474602596 ** -np.arange(1, 3)) % 1
         logs = np.pad(2.0 * wide * (ratios - 0.5), ((0, 0), (0, 1)))
-    shares = np.exp(logs) / model.strength[sets][:, None, :]
+    shares = np.exp(logs) / task.model.strength[sets][:, None, :]
     shares /= shares.sum(axis=-1, keepdims=True)
     amounts = shares[:, :, None, :] * thickness[..., None]
     spare = MOST_SCREENED - n

@@ -96,16 +96,14 @@ def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
     The solver reads a few of them: those that come nearest when a rounding changes a reading as it
     does by the table.
     """
-    low, high = np.exp(task.model.span).tolist()
+    low, high = task.span
     # With a round thickness other shares are best.
     total = np.maximum(exact.sizes.sum(axis=2, keepdims=True), low)
     near = replace(exact, sizes=exact.sizes * (np.clip(total.round(1), low, high) / total))
     near = refine(task, near, task.optics, 5, hold=True)
     # Round numbers about the best amounts, and about those best at round thicknesses.
     options = [
-        np.unique(
-            np.round(roundings(best, (low, high)) + roundings(close, (low, high)), 12), axis=0
-        )
+        np.unique(np.round(roundings(best, task.span) + roundings(close, task.span), 12), axis=0)
         for best, close in zip(exact.sizes, near.sizes, strict=True)
     ]
     owner = np.repeat(np.arange(exact.size), [len(tries) for tries in options])

@@ -56,6 +56,7 @@ class RecipeTask:
     target_arrays: TargetArrays
     model: StackModel
     optics: Optics
+    span: tuple[float, float]  # thinnest and thickest coat, um
     pigments: tuple[Pigment, ...]
     ground: Ground
     instrument: Instrument
@@ -152,8 +153,9 @@ def make_task(
             spectrum=np.stack([target.on(grid) for target in targets]),
             spectral=weight * np.array([target.spectral for target in targets]),
         ),
-        model=make_model(paints, base, seen_by, names, full_observer, (low, high)),
+        model=make_model(paints, base, seen_by, names, full_observer),
         optics=Optics.of(seen_by),
+        span=(low * 1e6, high * 1e6),
         pigments=paints,
         ground=base,
         instrument=seen_by,
