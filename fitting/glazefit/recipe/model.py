@@ -44,8 +44,26 @@ class StackModel(NamedTuple):
     pale.
     """
     weights: Float[Any, "bands lights 3"]  # reflectance to XYZ
-    white: Float[Any, "lights 3"]
     film: FilmResponse
+
+    def lab(
+        self, spectra: Float[Array | np.ndarray, "*batch bands"]
+    ) -> Float[Any, "*batch lights 3"]:
+        """L*a*b* of readings under every light."""
+        xyz = on_numpy_or_jax(_xyz_of, as_array(spectra), self.weights)
+        return colour.xyz_to_lab(xyz, self.weights.sum(axis=0))
+
+    def internal(self, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
+        """The coat below as a ground: the Lambertian one that, bare, reads `body` without the outer
+        surface's part.
+        """
+        return jnp.clip(self.film.internal(body), 0.0, 1.0)
+
+
+def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
+    # One dot product a light and component; full precision also on an accelerator.
+    precision = {} if xp is np else {"precision": "highest"}
+    return xp.tensordot(spectra, weights, axes=1, **precision)
 
 
 class Readings(NamedTuple):
@@ -88,31 +106,8 @@ def make_model(
         ground=np.broadcast_to(np.asarray(ground, float), grid.shape),
         surface=np.asarray(instrument.seen_surface),
         weights=weights,
-        white=weights.sum(axis=0),
         film=film_response(instrument),
     )
-
-
-def lab_of(
-    model: StackModel, spectra: Float[Array | np.ndarray, "*batch bands"]
-) -> Float[Any, "*batch lights 3"]:
-    """L*a*b* of readings under every light of the model."""
-    return colour.xyz_to_lab(
-        on_numpy_or_jax(_xyz_of, as_array(spectra), model.weights), model.white
-    )
-
-
-def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
-    # One dot product a light and component; full precision also on an accelerator.
-    precision = {} if xp is np else {"precision": "highest"}
-    return xp.tensordot(spectra, weights, axes=1, **precision)
-
-
-def internal(model: StackModel, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
-    """The coat below as a ground: the Lambertian one that, bare, reads `body` without the outer
-    surface's part.
-    """
-    return jnp.clip(model.film.internal(body), 0.0, 1.0)
 
 
 def read(model: StackModel, sizes: Sizes, optics: Optics | None) -> Readings:
@@ -151,7 +146,7 @@ def _read(
         for coat in reversed(range(kd.shape[1])):
             body = model.film.body(kd[:, coat], sd[:, coat], ground)
             if coat:
-                ground = internal(model, body)
+                ground = model.internal(body)
         return body + model.surface
 
     spectrum, back = jax.vjp(reading, kd, sd)
@@ -161,6 +156,6 @@ def _read(
         spectrum=spectrum,
         by_absorption=by_absorption,
         by_scattering=by_scattering,
-        lab=lab_of(model, spectrum),
-        lab_by_spectrum=jax.vmap(jax.jacfwd(lambda row: lab_of(model, row)))(spectrum),
+        lab=model.lab(spectrum),
+        lab_by_spectrum=jax.vmap(jax.jacfwd(model.lab))(spectrum),
     )

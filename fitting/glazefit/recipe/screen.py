@@ -26,7 +26,7 @@ from glazejax.radiative.common.threads import in_threads
 
 from ..film.model.response import over_ground
 from ..film.numerics.columns import Columns, take_rows
-from .model import Sizes, StackModel, internal, lab_of
+from .model import Sizes, StackModel
 from .targets import Indices, TargetArrays
 from .task import RecipeTask
 
@@ -244,7 +244,7 @@ def _distances(
         amounts = jnp.asarray(coats.amounts)
         return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
 
-    below = internal(model, model.film.body(*optical(bottom), model.ground))
+    below = model.internal(model.film.body(*optical(bottom), model.ground))
     ground = jnp.swapaxes(below, 0, 1)  # (thicknesses, lower, bands)
 
     def of_one(coat: Coats) -> tuple[Array, Array]:
@@ -262,7 +262,7 @@ def _small_distances(
     model: StackModel, targets: TargetArrays, reading: Float[Array, "*batch bands"]
 ) -> Float[Array, "*batch targets"]:
     """Cost of readings for every target, by the colour difference of small steps."""
-    miss = lab_of(model, reading)[..., None, :, :] - targets.lab
+    miss = model.lab(reading)[..., None, :, :] - targets.lab
     differences = jnp.einsum("tlij,...tlj->...tli", targets.metric, miss)
     colour = jnp.sum(differences**2, axis=(-1, -2)) / targets.lab.shape[1]
     cross = jnp.tensordot(reading, targets.spectrum.T, axes=1)

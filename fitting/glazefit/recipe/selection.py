@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from .model import OneStack, lab_of, read
+from .model import OneStack, read
 from .refine import read_and_score, refine, score
 from .screen import Stacks, leaders
 from .targets import Indices
@@ -114,7 +114,7 @@ def round_recipes(task: RecipeTask, exact: Stacks) -> Stacks:
     by_table = read(task.model, np.concatenate([exact.sizes, rounded.sizes]), None).spectrum
     off = read(task.model, exact.sizes, task.optics).spectrum - by_table[: exact.size]
     guess = by_table[exact.size :] + off[owner]
-    guessed = score(task, rounded, guess, np.asarray(lab_of(task.model, guess)))
+    guessed = score(task, rounded, guess, np.asarray(task.model.lab(guess)))
     # Round numbers of a recipe that the solver reads.
     rows = sorted(leaders(by_effort(task, guessed), owner.tolist(), 4))
     solved = read_and_score(task, rounded.take(rows), task.optics)
