@@ -114,7 +114,7 @@ def refine(
 
     Returns:
         The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and
-        `before`. What did not come out as a number stays as it was.
+        `before`.
     """
     if stacks.size == 0:
         return stacks
@@ -128,13 +128,11 @@ def refine(
         promise=1e-3,
         max_steps=max_steps,
     )
-    good = np.isfinite(solution.cost)
-    sizes = amounts.stacks(amounts.shares(solution.point)[1], stacks.sizes.shape[2])
     return replace(
         stacks,
-        sizes=np.where(good[:, None, None], sizes, stacks.sizes),
-        cost=np.where(good, solution.cost, stacks.cost),
-        settled=solution.settled & good,
+        sizes=amounts.stacks(amounts.shares(solution.point)[1], stacks.sizes.shape[2]),
+        cost=solution.cost,
+        settled=solution.settled,
         steps=solution.steps,
         before=before,
     )
@@ -197,10 +195,8 @@ def look(
     residual = np.hstack([colours.reshape(count, -1) / np.sqrt(lights), miss])
     slopes = np.concatenate([by_lab / np.sqrt(lights), weight[..., None] * by_point], axis=1)
     flipped = np.swapaxes(slopes, 1, 2)
-    cost = np.sum(residual**2, axis=1)
-    good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
     looks = Looks(
-        cost=np.where(good, cost, np.inf),
+        cost=np.sum(residual**2, axis=1),
         slope=(flipped @ residual[..., None])[..., 0],
         curvature=flipped @ slopes,
     )

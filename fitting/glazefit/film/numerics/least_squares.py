@@ -230,7 +230,7 @@ class Looks(NamedTuple):
     curvature.
     """
 
-    cost: PerProblem  # sum of squares; infinite where it is no number
+    cost: PerProblem  # sum of squares; a problem whose first is no number stays where it is
     slope: Float[np.ndarray, "n m"]
     curvature: Float[np.ndarray, "n m m"]
 
