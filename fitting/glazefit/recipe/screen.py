@@ -107,7 +107,7 @@ def leaders(order: Iterable[int], groups: Sequence[Hashable], count: int) -> lis
 
 
 class Coats(NamedTuple):
-    """Coats, each of one set of paints in one proportion: those of a set follow each other."""
+    """Coats, each of one set of paints in one proportion."""
 
     paints: Any  # Int (coats, 3), filled up by paint 0, of which there is nothing then
     amounts: Any  # Float (coats, thicknesses, 3), um
@@ -190,12 +190,11 @@ def _nearest(
         upper[:, None] != lower
     ).any(axis=2)
     cost[~sensible] = np.inf
-    # Coats of one set of paints follow each other.
-    above, below = (
-        np.cumsum((coats.paints != np.roll(coats.paints, 1, axis=0)).any(axis=1))
-        for coats in (top, bottom)
-    )
-    sets = (above[:, None] * (below[-1] + 1) + below).ravel()
+    # A number for each set of paints over another.
+    digits = count ** np.arange(MOST_SCREENED)
+    above = top.paints @ digits
+    below = bottom.paints @ digits
+    sets = (above[:, None] * count**MOST_SCREENED + below).ravel()
     flat = cost.reshape(-1, cost.shape[-1])
     stacks = []
     for target in range(flat.shape[1]):
@@ -205,13 +204,12 @@ def _nearest(
         once = order[np.sort(np.unique(sets[order], return_index=True)[1])[:keep]]
         rows, columns = np.divmod(once, len(lower))
         points = np.divmod(point[rows, columns, target], bottom.amounts.shape[1])
-        sizes = np.zeros((len(once), max(2, task.max_coats), count))
+        sizes = np.zeros((len(once), task.max_coats, count))
         sizes[:, 0] = spread(top.paints[rows], top.amounts[rows, points[0]], count)
-        sizes[:, 1] = spread(bottom.paints[columns], bottom.amounts[columns, points[1]], count)
+        if task.max_coats > 1:
+            sizes[:, 1] = spread(bottom.paints[columns], bottom.amounts[columns, points[1]], count)
         numbers = np.full(len(once), target)
-        stacks.append(
-            Stacks.before_refinement(sizes[:, : task.max_coats], numbers, flat[once, target])
-        )
+        stacks.append(Stacks.before_refinement(sizes, numbers, flat[once, target]))
     return Stacks.join(stacks)
 
 
