@@ -27,7 +27,7 @@ from .model import OneStack, Sizes, read, read_ahead
 from .parts import parts_by_paint
 from .refine import improve, refinements
 from .screen import Stacks, screen
-from .selection import IN_GAMUT, choose
+from .selection import IN_GAMUT, round_recipes, select
 from .targets import Bands, Lab, Target, TargetLike, as_targets
 from .task import RecipeOptions, RecipeTask, make_task
 
@@ -240,9 +240,11 @@ def _search(task: RecipeTask, progress: Progress) -> Iterator[list[list[Recipe]]
     note = counted(progress, total, f"refining {'glazes' if task.glazes else 'recipes'}")
     for first in firsts:
         in_group = rough.target // _GROUP == first // _GROUP
-        chosen = choose(task, improve(task, rough.take(np.flatnonzero(in_group)), note))
+        improved = improve(task, rough.take(np.flatnonzero(in_group)), note)
+        # More than asked for are rounded, because a few lose their colour by it.
+        rounded = round_recipes(task, select(task, improved, 3 * task.count))
         note()
-        yield _describe(task, chosen)
+        yield _describe(task, select(task, rounded, task.count))
 
 
 def _describe(task: RecipeTask, chosen: Stacks) -> list[list[Recipe]]:
@@ -250,13 +252,17 @@ def _describe(task: RecipeTask, chosen: Stacks) -> list[list[Recipe]]:
     or thinner by a tenth, or with one paint stronger by a standard deviation of mixings.
     """
     near = [_neighbours(sizes) for sizes in chosen.sizes]
-    # All are read together; their colours go back to the stack that they lie near.
+    owner = np.repeat(np.arange(chosen.size), [len(stacks) for stacks in near])
+    # All are read together; their readings go back to the stack that they lie near.
     readings = read(task.model, np.concatenate(near), task.optics)
-    ends = np.cumsum([len(stacks) for stacks in near])[:-1]
-    spectra = np.split(readings.spectrum, ends)
-    labs = np.split(readings.lab, ends)
     recipes = [
-        _recipe(task, chosen.take([row]), spectra[row][0], labs[row]) for row in range(chosen.size)
+        _recipe(
+            task,
+            chosen.take([row]),
+            readings.spectrum[owner == row][0],
+            readings.lab[owner == row],
+        )
+        for row in range(chosen.size)
     ]
     # One list a target.
     return [
@@ -299,13 +305,15 @@ def _recipe(
     labs: Float[np.ndarray, "stacks lights 3"],
 ) -> Recipe:
     """A recipe, from the reading of a single stack and the colours of it and of its neighbours."""
-    ((sizes,), (number,)) = stack.sizes, stack.target
+    sizes = stack.sizes[0]
+    number = stack.target[0]
     target = task.targets[number]
     goals = task.target_arrays.lab[number]
     delta_e = colour.delta_e_2000(labs[0], goals)
     coats = [_coat(amounts, task) for amounts in sizes[sizes.any(axis=1)]]
     media = make_media(coats, {paint.name: paint for paint in task.pigments})
     layers = [Layer(medium, coat.thickness) for medium, coat in zip(media, coats, strict=True)]
+    glaze = Glaze(layers, task.ground, task.instrument.refractive_index)
     # Under the test illuminant, where the target's colour is known there.
     tested = None
     if target.spectral or task.test_illuminant in target.labs:
@@ -324,7 +332,7 @@ def _recipe(
     return Recipe(
         target=target,
         coats=tuple(coats),
-        glaze=Glaze(layers, task.ground, task.instrument.refractive_index),
+        glaze=glaze,
         wavelengths=task.wavelengths,
         reflectance=reading,
         lab=dict(zip(task.illuminants, labs[0], strict=True)),

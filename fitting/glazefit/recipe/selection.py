@@ -17,13 +17,6 @@ IN_GAMUT = 1.0
 """A target counts as reached below this Delta E 2000."""
 
 
-def choose(task: RecipeTask, stacks: Stacks) -> Stacks:
-    """The best few stacks for each target, in round numbers."""
-    # More than asked for are rounded, because a few lose their colour by it.
-    rounded = round_recipes(task, select(task, stacks, 3 * task.count))
-    return select(task, rounded, task.count)
-
-
 def by_effort(task: RecipeTask, stacks: Stacks) -> Indices:
     """Order of stacks: in gamut first, then by distance and the price of each paint and coat."""
     price = task.simplicity * (stacks.paints + stacks.coats)
