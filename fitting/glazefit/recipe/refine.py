@@ -118,13 +118,13 @@ def refine(
     """
     if stacks.size == 0:
         return stacks
-    amounts, point, bounds = start(task, stacks)
+    amounts, point, (low, high) = start(task, stacks)
     first_look, before = look(task, amounts, point, optics, hold=hold)
     solution = descend_within(
         lambda rows, points: look(task, take_rows(amounts, rows), points, optics, hold=hold)[0],
         point,
         first_look,
-        bounds,
+        Bounds(low=low, high=high, longest=1.0),
         promise=1e-3,
         max_steps=max_steps,
     )
@@ -138,9 +138,11 @@ def refine(
     )
 
 
-def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
-    """Indices of the amounts of stacks, and the unknowns with their bounds: logarithms of the
-    coats' thicknesses, um, then those of the shares.
+def start(
+    task: RecipeTask, stacks: Stacks
+) -> tuple[Amounts, Points, Float[np.ndarray, "2 unknowns"]]:
+    """Indices of the amounts of stacks, and the unknowns with their least and largest values:
+    logarithms of the coats' thicknesses, um, then those of the shares.
     """
     rows, coats, paints = stacks.sizes.shape
     flat = stacks.sizes.reshape(rows, -1)
@@ -153,12 +155,11 @@ def start(task: RecipeTask, stacks: Stacks) -> tuple[Amounts, Points, Bounds]:
     share = amount / np.maximum(np.take_along_axis(total, coat, axis=1), 1e-12)
     # Less of a paint than this, as a logarithm, is none.
     faded = -9.0
-    thinnest, thickest = np.log(task.span)
-    low = np.repeat([thinnest, faded], [coats, order.shape[1]])
-    high = np.repeat([thickest, 0.0], [coats, order.shape[1]])
+    ends = np.vstack([np.log(task.span), (faded, 0.0)])
+    limits = np.repeat(ends, [coats, order.shape[1]], axis=0).T
     values = np.hstack([total, share])
-    point = np.clip(np.log(np.maximum(values, 1e-12)), low, high)
-    return Amounts(stacks.target, order, member), point, Bounds(low, high, longest=1.0)
+    point = np.clip(np.log(np.maximum(values, 1e-12)), limits[0], limits[1])
+    return Amounts(stacks.target, order, member), point, limits
 
 
 def look(
