@@ -12,13 +12,21 @@ from glazejax.commands import options, progress
 from glazejax.commands.command_line import changed, ground_file
 from glazejax.commands.help_groups import help_groups
 
+from .targets import (
+    Target,
+    colourchecker_targets,
+    lab_target,
+    parse_srgb,
+    spectral_target,
+    srgb_target,
+)
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from glazejax import Pigment
 
     from .recipe import Recipe
-    from .targets import Target
     from .task import RecipeTask
 
 
@@ -49,7 +57,7 @@ def recipe(
         str | None,
         options.option(
             metavar="COLOUR",
-            callback=options.checked(lambda text: _check_srgb(text)),
+            callback=options.checked(parse_srgb),
             help="Colour of a screen, such as '#8a4b2d' or 138,75,45.",
         ),
     ] = None,
@@ -264,7 +272,6 @@ def recipe(
 
     from glazejax.geometry import resolve_instrument
 
-    from .targets import colourchecker_targets, spectral_target, srgb_target
     from .task import make_task
 
     console = progress.plain_console()
@@ -436,9 +443,7 @@ def _cut_to_ground(paints: "list[Pigment]", ground: options.Ground) -> "list[Pig
     return [paint.resample(shared) for paint in paints]
 
 
-def _read_lab(text: str, light: str) -> "Target":
-    from .targets import lab_target
-
+def _read_lab(text: str, light: str) -> Target:
     try:
         lightness, a, b = map(float, text.split(","))
     except ValueError:
@@ -446,12 +451,6 @@ def _read_lab(text: str, light: str) -> "Target":
             f"--lab is {text!r}: write three numbers with commas, such as 50,20,30"
         ) from None
     return lab_target({light: [lightness, a, b]})
-
-
-def _check_srgb(text: str) -> None:
-    from .targets import parse_srgb
-
-    parse_srgb(text)
 
 
 def _write(

@@ -145,7 +145,7 @@ def print_best(recipe_lists: Sequence[Sequence[Recipe]], console: Console) -> No
     ]
     _print_table(recipes, leads, console)
     mixed = [best.mixed.distance for best in recipes if best.mixed is not None]
-    if len(mixed) == len(recipes):
+    if mixed:
         unmixed = [min(recipe.distance for recipe in several) for several in recipe_lists]
         reached = [sum(off < IN_GAMUT for off in distances) for distances in (mixed, unmixed)]
         text = (
