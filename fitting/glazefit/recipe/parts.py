@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from glazejax.paint.describe import Coat
 
 
@@ -16,18 +18,14 @@ def whole_parts(shares: Sequence[float]) -> tuple[int, ...]:
     """
     # Parts by which each share may be wrong, of itself.
     close = 0.08
-    least = min(shares)
-    total = sum(shares)
-    proportions: list[int] = []
+    ratios = np.asarray(shares) / min(shares)
+    exact = np.asarray(shares) / sum(shares)
+    whole = ratios
     for smallest in range(1, 101):
-        proportions = [round(share / least * smallest) for share in shares]
-        denominator = sum(proportions)
-        if all(
-            abs(proportion / denominator - share / total) <= close * share / total
-            for proportion, share in zip(proportions, shares, strict=True)
-        ):
+        whole = np.round(ratios * smallest)
+        if np.allclose(whole / whole.sum(), exact, rtol=close, atol=0.0):
             break
-    return tuple(proportions)
+    return tuple(map(int, whole))
 
 
 def parts_by_paint(coat: Coat) -> dict[str, int]:
