@@ -85,8 +85,8 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
         axes.add_patch(Rectangle((x, 0), 1, 1, facecolor=shade, edgecolor=shade, lw=0.6))
     axes.add_patch(Rectangle((0, 0), 2, 1, fill=False, edgecolor=EDGE, lw=0.8, clip_on=False))
     # Where the halves meet, since a good recipe hides it.
-    axes.plot([1, 1], [-0.07, 0.0], color=FAINT, lw=0.8, clip_on=False)
-    axes.plot([1, 1], [1.0, 1.07], color=FAINT, lw=0.8, clip_on=False)
+    for ends in ((-0.07, 0.0), (1.0, 1.07)):
+        axes.plot([1, 1], ends, color=FAINT, lw=0.8, clip_on=False)
     axes.text(0, 1.06, title, fontsize=12, fontweight="bold", va="bottom")
     mark = INK if recipe.distance < 1 else "#b3261e"
     axes.text(
