@@ -2,10 +2,12 @@
 looked at.
 """
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from zarr.storage import LocalStore, WrapperStore
+
+if TYPE_CHECKING:
+    from .store import MapStore
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -13,22 +15,15 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        lacks: whether a key is that of a chunk whose window is not finished.
-        check: refuses what is stored under a key if it is damaged.
+        of_map: which of its windows are finished, and what they should hold.
     """
 
-    def __init__(
-        self,
-        store: LocalStore,
-        lacks: Callable[[str], bool],
-        check: Callable[[str, bytes | None], None],
-    ):
+    def __init__(self, store: LocalStore, of_map: "MapStore"):
         super().__init__(store)
-        self._lacks = lacks
-        self._check = check
+        self._map = of_map
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._lacks, self._check)
+        return type(self)(store, self._map)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """The bytes stored under a key; nothing of a window that is not finished.
@@ -36,9 +31,12 @@ class FinishedWindows(WrapperStore[LocalStore]):
         Raises:
             ValueError: a window that is damaged.
         """
+        window = self._map.window_of(key)
+        if window is None:
+            return await super().get(key, prototype, byte_range)
         # It is asked first: a window may be finished while it is read.
-        if self._lacks(key):
+        if not self._map.is_written(window):
             return None
         content = await super().get(key, prototype, byte_range)
-        self._check(key, None if content is None else content.to_bytes())
+        self._map.check(window, key, None if content is None else content.to_bytes())
         return content
