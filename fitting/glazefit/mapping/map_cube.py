@@ -112,7 +112,8 @@ def map_cube(
     progress(0, 1, "reading")
     searcher = task.searcher
     bands = task.image.bands
-    shape = task.cube.shape[:2]
+    array = task.image.cube()
+    shape = array.shape[:2]
     most, base = searcher.representatives(prod(shape), memory)
     count = bands.wavelengths.size
     # Memory of a pixel while it is mapped, for each of its working readings: answers, arrays, what
@@ -127,17 +128,17 @@ def map_cube(
         attrs={
             "working_wavelengths": bands.wavelengths,
             "bands_of_each": task.image.count,
-            "notes": list(task.cube.attrs.get("notes", ())),
+            "notes": list(array.attrs.get("notes", ())),
             "made_by": ", ".join(
                 f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
             ),
-            **map_place(task.cube),
+            **map_place(array),
         },
         # Numbers along y and x and their attributes.
         coords={
-            axis: (np.asarray(task.cube[axis]), task.cube[axis].attrs)
+            axis: (np.asarray(array[axis]), array[axis].attrs)
             for axis in ("y", "x")
-            if axis in task.cube.coords
+            if axis in array.coords
         },
         overwrite=overwrite,
     )

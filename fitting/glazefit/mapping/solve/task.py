@@ -37,13 +37,11 @@ class MapTask:
     """A map that is to be made.
 
     Attributes:
-        cube: the lazy image.
         image: how its spectra are worked with.
         searcher: of the paints, or of their families.
         options: all that the map depends on; without noise it is estimated from the image.
     """
 
-    cube: "xarray.DataArray"
     image: Image
     searcher: ImageSearcher
     options: dict[str, Any]
@@ -71,7 +69,7 @@ def map_task(
     # The image, of which only shape and wavelengths are known so far.
     source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
     array = source.open() if isinstance(source, CubeSource) else _check_image(source)
-    shape: tuple[int, int] = (array.shape[0], array.shape[1])
+    shape = array.shape[:2]
     stored = np.asarray(array["wavelength"], float)
     use = read_mask(mask, array) if isinstance(mask, str | Path) else mask
     if use is not None:
@@ -98,7 +96,7 @@ def map_task(
     below = None
     if ground is not None:
         values = np.asarray(ground, float)
-        if values.ndim > 1 or (values.ndim == 1 and values.size != stored.size):
+        if values.shape not in ((), stored.shape):
             raise ValueError(
                 f"a ground of shape {values.shape} is neither a number nor one for each of "
                 f"{stored.size} bands"
@@ -129,7 +127,6 @@ def map_task(
         "painted": chosen.painted,
     }
     return MapTask(
-        cube=array,
         image=Image(
             source=source,
             bands=bands,
