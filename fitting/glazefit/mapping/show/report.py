@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import RenderableType
@@ -11,7 +11,7 @@ from rich.text import Text
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
-from ..store.chunk import Members, SetSum, SetSums, rms_difference
+from ..store.chunk import Members, SetSums
 from ..store.layout import STATUS_WORDS, Status, status_counts
 from .names import paint_names, set_words
 from .overview import shown_sets
@@ -44,12 +44,11 @@ def report_map(dataset: "xarray.Dataset", sets: SetSums) -> Iterator[RenderableT
     for members, sums in sets.items():
         if members not in reported:
             continue
-        row = _row(members, sums, paints, mapped)
-        thickness = "-" if row["thickness_um"] is None else f"{row['thickness_um']:.3g} µm"
-        off = row["rmse_of_mean"]
-        misfit = f"{off:.4f}" if members and np.isfinite(off) else "-"
+        words = _words(members, paints)
+        thickness = "-" if sums.thickness_um is None else f"{sums.thickness_um:.3g} µm"
+        misfit = f"{sums.rmse:.4f}" if members and np.isfinite(sums.rmse) else "-"
         cells = [*([thickness] if thick else []), misfit]
-        table.add_row(row["paints"], f"{sums.pixels:,}", f"{row['share']:.1%}", *cells)
+        table.add_row(words, f"{sums.pixels:,}", f"{sums.pixels / mapped:.1%}", *cells)
     yield table
     further = [sums.pixels for members, sums in sets.items() if members not in reported]
     if further:
@@ -95,21 +94,20 @@ def write_sets(
     bands = [f"{kind}_{nm:g}" for kind in ("measured", "fitted") for nm in grid]
     rows = []
     for members, sums in sets.items():
-        row = _row(members, sums, paints, mapped)
-        cells = ("" if row[name] is None else row[name] for name in titles)
-        rows.append([*cells, *map(float, [*sums.mean, *sums.mean_fit])])
+        row = [
+            _words(members, paints),
+            sums.pixels,
+            sums.pixels / mapped,
+            "" if sums.thickness_um is None else sums.thickness_um,
+            sums.pixels_with_thickness,
+            sums.rmse,
+            # How far pixels lie about their mean, over all bands.
+            np.sqrt(np.mean(sums.sd**2)),
+        ]
+        rows.append([*row, *sums.mean, *sums.mean_fit])
     write_table(path, [*titles, *bands], rows, overwrite=overwrite)
 
 
-def _row(members: Members, sums: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
-    """Numbers of a set by the titles of its table."""
-    return {
-        "paints": set_words(members, paints) or "none of these",
-        "pixels": sums.pixels,
-        "share": sums.pixels / mapped,
-        "thickness_um": sums.thickness_um,
-        "pixels_with_thickness": sums.pixels_with_thickness,
-        "rmse_of_mean": float(rms_difference(sums.mean, sums.mean_fit)),
-        # How far pixels lie about their mean, over all bands.
-        "sd_of_pixels": float(np.sqrt(np.mean(sums.sd**2))),
-    }
+def _words(members: Members, paints: Sequence[str]) -> str:
+    """A set by the names of its paints."""
+    return set_words(members, paints) or "none of these"

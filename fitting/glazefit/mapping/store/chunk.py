@@ -56,6 +56,11 @@ class SetSum:
         return np.sqrt(np.maximum(self.square / self.pixels - self.mean**2, 0.0))
 
     @property
+    def rmse(self) -> float:
+        """Root mean square of the mean less the mean fit."""
+        return float(rms_difference(self.mean, self.mean_fit))
+
+    @property
     def thickness_um(self) -> float | None:
         """Mean thickness in micrometres; None where no pixel has one."""
         count = self.pixels_with_thickness
