@@ -177,7 +177,7 @@ def overview(dataset: "xr.Dataset", sets: SetSums) -> Overview:
         section = dataset.isel(y=slice(y, y + rows))
         block = {name: section[name].values for name in names}
         mapped = block["status"] == Status.MAPPED
-        likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
+        likely += np.sum(block["paint_probability"][mapped] > 0.5, axis=0)
         tiles.append(_parts(block, step, coarse))
     pictures = {name: np.concatenate([tile[name] for tile in tiles]) for name in tiles[0]}
     examples = {name: pictures[name] for name in _EXAMPLES}

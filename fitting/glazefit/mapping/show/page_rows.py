@@ -49,9 +49,7 @@ def set_rows(
         sums = look.sets[members]
         about = (facts or {}).get(members, {})
         film = about.get("film")
-        area = look.where(members)
-        chances = look.examples["probability"][area]
-        chances = chances[np.isfinite(chances)]
+        chances = look.examples["probability"][look.where(members)]
         yield {
             "members": members,
             "legend": look.legend_colours[n],
@@ -74,10 +72,9 @@ def _spreads(look: Overview, members: Members) -> Iterator[tuple[str, list[str] 
     """Paints of a set, each with the 10, 50 and 90 % quantiles of its shares, in percent."""
     shares = look.examples["fraction"][look.where(members)]
     for slot, member in enumerate(members):
-        finite = shares[:, slot][np.isfinite(shares[:, slot])]
         spread = None
-        if len(members) > 1 and finite.size:
-            quantiles = 100 * np.percentile(finite, (10, 50, 90))
+        if len(members) > 1 and len(shares):
+            quantiles = 100 * np.percentile(shares[:, slot], (10, 50, 90))
             spread = [f"{value:.{0 if value >= 9.5 else 1}f}" for value in quantiles]
         yield look.paints[member], spread
 

@@ -302,7 +302,7 @@ def _write_legend(look: Overview, path: Path) -> None:
         )
     ]
     remaining = sum(look.sets[members].pixels for members in look.ranked[len(look.shown) :])
-    none = look.sets[()].pixels if () in look.sets else 0
+    none = look.mapped - look.explained
     rows += [("further sets", (patch(fc=OTHERS),), remaining)] if remaining else []
     rows += [(look.words(()), (patch(fc=STRIPES[1], hatch="/////"),), none)] if none else []
     title = "Most probable set of paints"
