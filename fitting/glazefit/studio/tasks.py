@@ -169,23 +169,19 @@ def _describe_spectrum(stack: Stack, identification: Any, row: int) -> dict[str,
         if not np.isfinite(thick):
             thick = 1e-4
             sized = "hides its ground, "
-        coats = []
-        for number in range(max(candidate.coats) + 1):
-            shares = {
-                paint: float(candidate.fractions[i])
-                for i, paint in enumerate(candidate.paints)
-                if candidate.coats[i] == number
-            }
-            parts = tuple((round(share, 4), paint) for paint, share in shares.items())
-            size = min(thick * sum(shares.values()), MAX_THICKNESS)
-            coats.append(Coat(parts, float(f"{size:.4g}"), 1))
+        # No more than one coat is tried.
+        parts = tuple(
+            (round(share, 4), paint)
+            for share, paint in zip(candidate.fractions.tolist(), candidate.paints, strict=True)
+        )
+        coat = Coat(parts, float(f"{min(thick, MAX_THICKNESS):.4g}"), 1)
         listed.append(
             {
                 "words": candidate.words,
                 "fit": f"{sized}fit error {candidate.rmse:.3f}",
                 "probability": float(candidate.probability),
-                "rgb": _rgb(grid, np.atleast_2d(candidate.fitted)[-1]),
-                "stack": _with_coats(stack, coats),
+                "rgb": _rgb(grid, candidate.fitted[-1]),
+                "stack": _with_coats(stack, [coat]),
             }
         )
     none = float(identification.none[row])
