@@ -58,8 +58,8 @@ def survey(
     """
     if "survey" not in work.done():
         sample, ends, noise = _sample(image, progress)
-        sd = replace(image, noise=noise).noise_sd(sample)
-        status = classify(sample, sd)
+        image = replace(image, noise=noise)
+        status = classify(sample, image.noise_sd(sample))
         good = status == Status.MAPPED
         if not good.any():
             reasons = (
@@ -72,8 +72,8 @@ def survey(
         sample[~good] = np.nan
         features = Features.of(np.maximum(sample[good], 0.0), brightness=brightness)
         pools = [
-            pooled(line, line_sd, features, (1, len(line)), ALONG)
-            for line, line_sd in zip(np.split(sample, ends), np.split(sd, ends), strict=True)
+            pooled(line, image.noise_sd(line), features, (1, len(line)), ALONG)
+            for line in np.split(sample, ends)
         ]
         means, reach = (np.concatenate(lines)[good] for lines in zip(*pools, strict=True))
         means = np.maximum(means, 0.0)
