@@ -259,8 +259,7 @@ def _linear(
     followed = np.einsum("nmi,nmb->nib", whitened_slopes, gain)
     residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
-    root = np.linalg.inv(np.linalg.cholesky(prior))
-    ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
+    ratios = np.maximum(np.linalg.eigvals(np.linalg.solve(prior, data)).real, 0.0)
     # What is shown is fitted with errors of its own: how near it comes to each reading.
     close = chunk.near_errors.basis[row]
     by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
