@@ -93,20 +93,12 @@ def write_report(
     )
     order = found_paints(look, least=0.0)
     ways = {words: tallies.get(f"way {way.name.lower()}") for way, words in _WAYS.items()}
-    chapters = {
-        "How pixels were answered": {
-            words.capitalize(): f"{count:,.0f} pixels" for words, count in ways.items() if count
-        },
-        "Shortcuts, and what each may cost": provenance["shortcuts"],
-        "Checked against the full search": provenance["agreement"],
-        "Options": provenance["options"],
-    }
     pieces = fill_template(
         "mapping/show/page.html",
         title=f"Map of paints: {provenance['title']}",
         look=look,
         provenance=provenance,
-        statuses=sorted(status_counts(tallies).items(), key=lambda item: -item[1]),
+        statuses=status_counts(tallies),
         frequent=[look.paints[paint] for paint in found_paints(look, 0.01)],
         colour=enlarge(look.colour),
         legend=legend_map(look),
@@ -123,7 +115,7 @@ def write_report(
         paints=paints,
         spots=list(spot_rows(dataset.attrs.get("spots", ()), grid)),
         spots_file=PAINTS if facts is None else REFERENCES,
-        chapters=chapters,
+        ways={words.capitalize(): f"{count:,.0f} pixels" for words, count in ways.items() if count},
         grid=grid,
         share=share_words,
         encode=_encode,
