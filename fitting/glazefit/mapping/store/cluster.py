@@ -2,12 +2,12 @@
 client.
 """
 
-import sys
 from collections.abc import Callable, Generator, Sequence
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import cloudpickle
+import jax
 from distributed import (
     CancelledError,
     Client,
@@ -39,16 +39,11 @@ class _Tool(WorkerPlugin):
         # In a packet of its own: JAX's arrays lose half of their digits where they arrive before
         # its precision is set.
         self.packed = cloudpickle.dumps(work)
-        self.precision = (
-            bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
-        )
+        self.precision = bool(jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
 
     def setup(self, worker: Worker) -> None:
         """Have JAX compute in the precision of the process that asks, then unpack the work."""
-        if self.precision is not None:
-            import jax
-
-            jax.config.update("jax_enable_x64", self.precision)
+        jax.config.update("jax_enable_x64", self.precision)
         self.work: Callable[[Any], Any] = cloudpickle.loads(self.packed)
 
 
