@@ -128,7 +128,7 @@ def map_cube(
         attrs={
             "working_wavelengths": bands.wavelengths,
             "bands_of_each": task.image.count,
-            "notes": list(array.attrs.get("notes", ())),
+            "notes": array.attrs.get("notes", ()),
             "made_by": ", ".join(
                 f"{name} {version(name)}" for name in ("glazejax", "jax", "numpy")
             ),
@@ -163,7 +163,7 @@ def map_cube(
             noise=[surveyed.noise.floor, surveyed.noise.share],
             representatives=len(surveyed.readings),
             reach=surveyed.reach,
-            agreement={name: value.tolist() for name, value in work.get("checked").items()},
+            agreement=work.get("checked"),
             tallies=sums.tallies,
             spots=choose_spots(
                 sums.unexplained,

@@ -201,7 +201,7 @@ def identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray")
     from glazejax.io import CubeSource
 
     same = {
-        "shape": list(array.shape),
+        "shape": array.shape,
         "wavelengths": digest(np.asarray(array["wavelength"], float)),
     }
     if not isinstance(source, CubeSource):

@@ -99,12 +99,11 @@ def choose_spots(
         # Those that are averaged: one shape, and nearly the length of the purest.
         averaged = (cosines[purest] > 0.995) & (size > 0.9 * size[purest])
         weight = np.where(averaged, pixels, 0) / pixels[averaged].sum()
-        y, x = unexplained.places[largest[purest]].tolist()
         spots.append(
             {
                 "name": next(names),
                 "pixels": int(pixels[cosines[purest] > _ALIKE].sum()),
-                "place": (y, x),
+                "place": unexplained.places[largest[purest]].tolist(),
                 "reading": weight @ unexplained.readings[largest],
             }
         )
