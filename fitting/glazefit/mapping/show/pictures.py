@@ -144,25 +144,32 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     """
     name = look.paints[paint]
     stem = look.file_stems[paint]
-    first = MapPicture(
+    probability = MapPicture(
         key=f"{stem}_probability",
         title=f"{name}: probability",
         values=look.paint_probability[..., paint],
         colours="magma_r",
     )
-    amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
-    with np.errstate(invalid="ignore"):
-        unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
-    second = MapPicture(
-        key=f"{stem}_{'share' if unknown else 'amount'}",
-        title=f"{name}: {'share by mass' if unknown else 'amount'}",
-        values=share if unknown else amount,
-        colours="magma_r",
-        high=1.0 if unknown else _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1),
-        unit="" if unknown else "µm",
-    )
-    return [first, second]
+    amount = look.paint_amount[..., paint] * 1e6
+    hidden = np.isnan(amount[share > 0])
+    if hidden.sum() > 0.5 * hidden.size:
+        quantity = MapPicture(
+            key=f"{stem}_share",
+            title=f"{name}: share by mass",
+            values=share,
+            colours="magma_r",
+        )
+    else:
+        quantity = MapPicture(
+            key=f"{stem}_amount",
+            title=f"{name}: amount",
+            values=amount,
+            colours="magma_r",
+            high=_top(amount[amount > 0], 98.0, 0.1),
+            unit="µm",
+        )
+    return [probability, quantity]
 
 
 def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
