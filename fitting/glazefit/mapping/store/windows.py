@@ -37,10 +37,8 @@ class Window(NamedTuple):
 
     @classmethod
     def at(cls, y: int, x: int, shape: Sequence[int], chunk: Sequence[int]) -> Self:
-        """The window of an image's windows that holds a pixel."""
-        y0 = y - y % chunk[0]
-        x0 = x - x % chunk[1]
-        return cls(y0, min(y0 + chunk[0], shape[0]), x0, min(x0 + chunk[1], shape[1]))
+        """The window of an image's windows that begins at a pixel."""
+        return cls(y, min(y + chunk[0], shape[0]), x, min(x + chunk[1], shape[1]))
 
 
 def windows(shape: Sequence[int], chunk: Sequence[int]) -> list[Window]:
