@@ -114,22 +114,21 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
     dataset = open_map(store.path)
     dataset.attrs = _flat(dataset.attrs)
     encoding: dict[str, dict[str, Any]] = {}
-    for variable in VARIABLES:
-        array = dataset[variable.name]
-        encoding[variable.name] = {
-            "zlib": True,
-            "complevel": 1,
-            "shuffle": True,
-            "chunksizes": (*store.chunk, *array.shape[2:]),
-        }
-        if np.dtype(variable.dtype).kind != "f":
-            # A fill value would turn whole numbers into others in programs that mask it.
-            encoding[variable.name]["_FillValue"] = None
     for name, array in dataset.variables.items():
         array.attrs = _flat(array.attrs)
         array.encoding = {}
-        if name not in BY_NAME and array.dtype.kind == "f":
-            encoding[str(name)] = {"_FillValue": None}
+        settings: dict[str, Any] = {}
+        if name in BY_NAME:
+            settings = {
+                "zlib": True,
+                "complevel": 1,
+                "shuffle": True,
+                "chunksizes": (*store.chunk, *array.shape[2:]),
+            }
+        if array.dtype.kind in "iu" or name in ("y", "x"):
+            # A fill value would turn whole numbers into others in programs that mask it.
+            settings["_FillValue"] = None
+        encoding[str(name)] = settings
     # One window after another: the cores would only hold more of them in memory.
     with configured(scheduler="synchronous"):
         dataset.chunk({"y": store.chunk[0], "x": store.chunk[1]}).to_netcdf(
