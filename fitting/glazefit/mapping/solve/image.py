@@ -82,26 +82,19 @@ def classify(
         sd: of their noise.
         use: the user's mask.
     """
-    status = np.full(readings.shape[:-1], Status.MAPPED, np.uint8)
     with np.errstate(invalid="ignore"):
         top = readings.max(axis=-1)
         bottom = readings.min(axis=-1)
-        mean_sd = sd.mean(axis=-1)
-        tests = [
-            (Status.DARK, top < _SURE * mean_sd),
-            (Status.TOO_BRIGHT, top > 1.5),
-            (Status.NEGATIVE, (readings < -(_SURE * sd + 0.01)).any(axis=-1)),
-            (Status.SATURATED, np.isposinf(top)),
-            (
-                Status.NO_DATA,
-                np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom)),
-            ),
-        ]
-    for number, where in tests:
-        status[where] = number
-    if use is not None:
-        status[~use] = Status.MASKED
-    return status
+        # The first that holds counts.
+        reasons = {
+            Status.MASKED: False if use is None else ~use,
+            Status.NO_DATA: np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom)),
+            Status.SATURATED: np.isposinf(top),
+            Status.NEGATIVE: (readings < -(_SURE * sd + 0.01)).any(axis=-1),
+            Status.TOO_BRIGHT: top > 1.5,
+            Status.DARK: top < _SURE * sd.mean(axis=-1),
+        }
+    return np.select([*reasons.values()], [*reasons], Status.MAPPED).astype(np.uint8)
 
 
 @dataclass(frozen=True)
