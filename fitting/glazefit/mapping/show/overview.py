@@ -74,12 +74,12 @@ class Overview:
     @property
     def mapped(self) -> int:
         """Pixels that were mapped."""
-        return sum(sums.pixels for sums in self.sets.values())
+        return mapped_pixels(self.sets)
 
     @property
     def explained(self) -> int:
         """Pixels that a set of the catalogue explains."""
-        return sum(sums.pixels for members, sums in self.sets.items() if members)
+        return sum(self.sets[members].pixels for members in self.ranked)
 
     @cached_property
     def in_set(self) -> Int[np.ndarray, "paints"]:
@@ -147,11 +147,16 @@ def pixels_with(
     return mapped & explained & (pixels["members"] == np.array(padded)).all(axis=-1)
 
 
+def mapped_pixels(sets: SetSums) -> int:
+    """Pixels of all sets, and of none."""
+    return sum(sums.pixels for sums in sets.values())
+
+
 def shown_sets(sets: SetSums) -> list[Members]:
     """The largest sets of paints, as far as each has `LEAST` of all pixels; the first one in any
     case.
     """
-    least = LEAST * sum(sums.pixels for sums in sets.values())
+    least = LEAST * mapped_pixels(sets)
     ranked = [members for members in sets if members][:MOST_SETS]
     return [members for n, members in enumerate(ranked) if not n or sets[members].pixels >= least]
 

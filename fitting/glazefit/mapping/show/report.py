@@ -14,7 +14,7 @@ from glazejax.report import plain_table
 from ..store.chunk import Members, SetSums
 from ..store.layout import STATUS_WORDS, Status, status_counts
 from .names import paint_names, set_words
-from .overview import shown_sets
+from .overview import mapped_pixels, shown_sets
 
 if TYPE_CHECKING:
     import xarray
@@ -29,7 +29,7 @@ def report_map(dataset: "xarray.Dataset", sets: SetSums) -> Iterator[RenderableT
     """
     lines = dataset.sizes["y"]
     samples = dataset.sizes["x"]
-    mapped = sum(sums.pixels for sums in sets.values())
+    mapped = mapped_pixels(sets)
     # What was mapped comes first, also where it is nothing.
     counts = {STATUS_WORDS[Status.MAPPED]: mapped, **status_counts(dataset.attrs["tallies"])}
     statuses = "; ".join(f"{count:,} {words}" for words, count in counts.items())
@@ -80,7 +80,7 @@ def write_sets(
             `glazejax.io.outputs.check_output`.
     """
     paints = paint_names(dataset)
-    mapped = sum(sums.pixels for sums in sets.values())
+    mapped = mapped_pixels(sets)
     grid = dataset.attrs["working_wavelengths"]
     titles = [
         "paints",
