@@ -57,6 +57,8 @@ class Hit(NamedTuple):
     """Number in the order of `Geometry`; -1 where the ray meets nothing."""
     triangle: Int[Array, "rays"]
     """Number of the triangle of a mesh; 0 for other shapes."""
+    weights: Vectors
+    """Of the triangle's corners; 0 for other shapes."""
 
 
 class SurfacePoints(NamedTuple):
@@ -148,13 +150,19 @@ def nearest(
         limit = jnp.full(origin.shape[0], jnp.inf, origin.dtype)
     best, shape = _nearest_solid(geometry.arrays, origin, direction, limit)
     number = np.zeros(origin.shape[0], np.int32)
+    weights = np.zeros(origin.shape)
     if geometry.caster is not None and geometry.triangles is not None:
         # Triangles only as far as the nearest solid.
         rays = (np.array(a, float) for a in (origin, direction, best))
-        best, triangle = geometry.caster.nearest(*rays)
+        best, triangle, weights = geometry.caster.nearest(*rays)
         number = np.maximum(triangle, 0)
         shape = np.where(triangle >= 0, geometry.triangles.shape[number], shape)
-    return Hit(jnp.where(shape < 0, jnp.inf, best), jnp.asarray(shape), jnp.asarray(number))
+    return Hit(
+        distance=jnp.where(shape < 0, jnp.inf, best),
+        shape=jnp.asarray(shape),
+        triangle=jnp.asarray(number),
+        weights=jnp.asarray(weights, origin.dtype),
+    )
 
 
 @jax.jit
@@ -247,7 +255,7 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
             before += count
     if geometry.triangles is not None:
         # Triangles come last.
-        parts.append((before, *triangle_surface(geometry.triangles, hit.triangle, point)))
+        parts.append((before, *triangle_surface(geometry.triangles, hit.triangle, hit.weights)))
     # Each kind writes over those before it.
     for first, its_normal, its_face, its_uv in parts:
         mine = (hit.shape >= first)[:, None]

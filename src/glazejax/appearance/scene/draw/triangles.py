@@ -10,6 +10,7 @@ little further on.
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias, overload
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -17,9 +18,6 @@ from jaxtyping import Array, Float, Int
 from ....extras import advice
 from ..mesh import import_trimesh
 from ..shapes import Mesh
-
-Corners: TypeAlias = Float[np.ndarray, "triangles 3"]
-"""A vector a triangle."""
 
 Vectors: TypeAlias = Float[Array, "rays 3"]
 """A vector a ray."""
@@ -40,11 +38,12 @@ def dot(first: Any, second: Any) -> Any:
 class Triangles(NamedTuple):
     """Triangles of all meshes."""
 
-    corner: Corners
-    edge1: Corners
-    edge2: Corners
+    corners: Float[np.ndarray, "triangles 3 3"]
+    """Points, corner by corner."""
     normals: Float[np.ndarray, "triangles 3 3"]
     """At the three corners; unit vectors."""
+    face: Float[np.ndarray, "triangles 3"]
+    """Unit normal of the triangle itself; 0 where it has no area."""
     uv: Float[np.ndarray, "triangles 3 2"]
     shape: Int[np.ndarray, "triangles"]
     """Number of the mesh among all shapes."""
@@ -69,18 +68,15 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
             ]
         )
 
-    points = of_corners([mesh.vertices for mesh in meshes], 3)
+    corners = of_corners([mesh.vertices for mesh in meshes], 3)
     smooth = of_corners([mesh.normals for mesh in meshes], 3)
-    edge1 = points[:, 1] - points[:, 0]
-    edge2 = points[:, 2] - points[:, 0]
-    # Normals of the faces; of a corner without one of its own, the face's.
-    flat = _unit(np.cross(edge1, edge2))[:, None]
+    face = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    # A corner without a normal of its own has the face's.
     has_own = np.linalg.norm(smooth, axis=-1, keepdims=True) > 0
     return Triangles(
-        corner=points[:, 0],
-        edge1=edge1,
-        edge2=edge2,
-        normals=np.where(has_own, _unit(smooth), flat),
+        corners=corners,
+        normals=np.where(has_own, _unit(smooth), face[:, None]),
+        face=face,
         uv=of_corners([mesh.uv for mesh in meshes], 2),
         shape=before + np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
     )
@@ -102,10 +98,7 @@ class TriangleCaster:
     def __init__(self, triangles: Triangles):
         trimesh = import_trimesh()
         self._triangles = triangles
-        corners = triangles.corner[:, None] + np.stack(
-            [0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1
-        )
-        points = corners.reshape(-1, 3)
+        points = triangles.corners.reshape(-1, 3)
         # About their middle, where single precision has most of its digits.
         self._middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         points = points - self._middle
@@ -123,12 +116,13 @@ class TriangleCaster:
         origin: HostVectors,
         direction: HostVectors,
         limit: Float[np.ndarray, "rays"],
-    ) -> tuple[Float[np.ndarray, "rays"], Int[np.ndarray, "rays"]]:
-        """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where
-        there is none.
+    ) -> tuple[Float[np.ndarray, "rays"], Int[np.ndarray, "rays"], HostVectors]:
+        """Distance and number of the nearest triangle nearer than the limit, and the weights of its
+        corners at that point; the limit, -1 and 0 where there is none.
         """
         best = limit.copy()
         triangle = np.full(len(limit), -1)
+        weights = np.zeros(origin.shape)
         # From where rays enter the sphere around all meshes: single precision is fine there.
         offset = origin - self._middle
         # Distance to the middle of the ray's way through that sphere, and half of this way.
@@ -147,56 +141,57 @@ class TriangleCaster:
             )
             going = going[candidate >= 0]
             candidate = candidate[candidate >= 0]
-            distance, ahead = self._distance(candidate, origin[going], direction[going])
+            distance, shares, ahead = self._meet(candidate, origin[going], direction[going])
             near = ahead & (distance < limit[going])
             best[going[near]] = distance[near]
             triangle[going[near]] = candidate[near]
+            weights[going[near]] = shares[near]
             going = going[~ahead]
             start[going] += step
             step *= 2
-        return best, triangle
+        return best, triangle, weights
 
-    def _distance(
+    def _meet(
         self, which: np.ndarray, origin: np.ndarray, direction: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Distances of a triangle for each ray, and whether it lies ahead.
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distances of a triangle for each ray, weights of its corners there, (rays, 3), and
+        whether it lies ahead.
 
         Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21.
         """
-        corner, edge1, edge2 = (side[which] for side in self._triangles[:3])
-        # Barycentric weights of the point where the ray meets the triangle's plane.
+        corners = self._triangles.corners[which]
+        edge1 = corners[:, 1] - corners[:, 0]
+        edge2 = corners[:, 2] - corners[:, 0]
+        offset = origin - corners[:, 0]
         across = np.cross(direction, edge2)
-        normal_to_offset = np.cross(origin - corner, edge1)
+        normal_to_offset = np.cross(offset, edge1)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = 1.0 / dot(edge1, across)
-            u = scale * dot(origin - corner, across)
+            u = scale * dot(offset, across)
             v = scale * dot(direction, normal_to_offset)
             ahead = ~(scale * dot(edge2, normal_to_offset) <= 0)
         # Rounding may put the point a little outside, and far outside where the triangle is seen
         # edge-on.
-        u, v = (np.clip(np.nan_to_num(weight), 0.0, 1.0)[:, None] for weight in (u, v))
+        u, v = (np.clip(np.nan_to_num(weight), 0.0, 1.0) for weight in (u, v))
+        weights = np.stack([1.0 - u - v, u, v], axis=1)
         # In double precision, by the point on the triangle.
-        distance = dot(corner + u * edge1 + v * edge2 - origin, direction)
-        return distance, ahead & (distance > 0)
+        distance = dot(_at_weights(weights, corners) - origin, direction)
+        return distance, weights, ahead & (distance > 0)
 
 
 def triangle_surface(
-    triangles: Triangles, number: Int[Array, "rays"], point: Vectors
+    triangles: Triangles, number: Int[Array, "rays"], weights: Vectors
 ) -> tuple[Vectors, Vectors, Float[Array, "rays 2"]]:
-    """Smooth normal, normal of the face and texture coordinates at points of triangles."""
-    corner, edge1, edge2 = (
-        jnp.asarray(a)[number] for a in (triangles.corner, triangles.edge1, triangles.edge2)
-    )
-    across = jnp.cross(edge1, edge2)
-    area = dot(across, across)[:, None]
-    area = jnp.where(area > 0, area, 1.0)
-    offset = point - corner
-    # Barycentric weights as shares of the triangle's area.
-    v = dot(jnp.cross(edge1, offset), across)[:, None] / area
-    u = dot(jnp.cross(offset, edge2), across)[:, None] / area
-    weights = jnp.stack([1 - u - v, u, v], axis=1)
-    normal = jnp.sum(weights * jnp.asarray(triangles.normals)[number], axis=1)
+    """Smooth normal, normal of the face and texture coordinates where the corners of triangles have
+    these weights.
+    """
+    corners = jax.tree.map(lambda values: jnp.asarray(values)[number], triangles)
+    normal = _at_weights(weights, corners.normals)
     length = jnp.sqrt(dot(normal, normal))[:, None]
-    face = across / jnp.sqrt(area)
-    normal = jnp.where(length > 0, normal / jnp.where(length > 0, length, 1.0), face)
-    return normal, face, jnp.sum(weights * jnp.asarray(triangles.uv)[number], axis=1)
+    normal = jnp.where(length > 0, normal / jnp.where(length > 0, length, 1.0), corners.face)
+    return normal, corners.face, _at_weights(weights, corners.uv)
+
+
+def _at_weights(weights: Any, corners: Any) -> Any:
+    """What three corners have, (rays, 3, ...), where they have weights, (rays, 3)."""
+    return (weights[..., None] * corners).sum(axis=1)
