@@ -68,8 +68,6 @@ class Bounce(NamedTuple):
     cos_light: PerLight
     between: PerLight
     """Cosine between view and light."""
-    normal: Float[np.ndarray, "points 3"]
-    """Of the surface, smooth where a mesh has normals, on the side of the ray."""
     position: Float[np.ndarray, "points 3"]
     """Where the point is, a little off the surface."""
 
@@ -99,8 +97,8 @@ def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction
     Returns:
         Numbers of shape and material, cosine of viewing and texture coordinates; then of each
         light, (lights, rays): strength, cosine of its fall and that between view and light, unit
-        vector to it and how far it is (-1 where it is behind); then the normal, the place, and the
-        direction in which a mirror there sends the ray on.
+        vector to it and how far it is (-1 where it is behind); then the place, and the direction in
+        which a mirror there sends the ray on.
     """
     hits = jnp.isfinite(hit.distance)
     surfaces = surface(geometry, hit, origin, direction)
@@ -141,7 +139,6 @@ def _meet(geometry: Geometry, hit: Hit, sources: Lamps, origin: Array, direction
         between,
         towards,
         reach,
-        surfaces.normal,
         arrival,
         onward,
     )
@@ -211,7 +208,7 @@ def _cast(
     def run(rows: Int[np.ndarray, "block"]) -> tuple[np.ndarray | Array, ...]:
         rays = [jnp.asarray(a[rows], float_type) for a in (origin, direction)]
         hit = nearest(geometry, *rays)
-        *fields, strength, cos_light, between, towards, reach, normal, points, onward = _meet(
+        *fields, strength, cos_light, between, towards, reach, points, onward = _meet(
             geometry.arrays, hit, sources, *rays
         )
         # A light counts where nothing stands between it and the point.
@@ -219,7 +216,7 @@ def _cast(
         free = [nearest(geometry, points, *beam).shape < 0 for beam in beams]
         lit = jnp.where(jnp.stack(free), strength, 0.0)
         lights = [np.asarray(a).T for a in (lit, cos_light, between)]
-        return *fields, *lights, normal, points, onward
+        return *fields, *lights, points, onward
 
     count = len(origin)
     # Copies: bounces are kept, and not what filled them up.
