@@ -6,7 +6,7 @@ are made, and spectra follow tile by tile. Pixels that differ strongly from a ne
 highlight, a texture) get more rays in the end.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -16,7 +16,6 @@ from jaxtyping import Bool, Int
 from ....colour import colour_weights
 from ....progress import Progress, no_progress
 from ....radiative.common.inputs import check_tolerance
-from ..materials import Material
 from ..render_result import Rendered, RenderReport
 from ..scene import Scene
 from .intersect import make_geometry
@@ -93,7 +92,6 @@ class _Work:
         self.geometry = make_geometry(scene.shapes, scene.materials)
         self.places: Lamps = lamps(scene.lights)
         self.in_view = MaterialsInView(list(scene.materials.values()))
-        self.prepared: Sequence[Material | None] = []
         self.kept = 0
         self.report = RenderReport(
             bands=np.size(scene.wavelengths),
@@ -122,7 +120,7 @@ class _Work:
                 # Later tiles write over earlier ones: an edge gets the mean of its own rays.
                 tiles += edge_tiles
             # Tables of the materials in view, for the angles in view; then the spectra.
-            self.prepared = self.in_view.prepare(grid, self.tolerance)
+            self.in_view.prepare(grid, self.tolerance)
             self._shade(tiles, image, 0.35, 0.85)
             finished = 1.0
             if self.refines:
@@ -132,13 +130,13 @@ class _Work:
                 strong_tiles = self._tiles(strong, scene.antialias)
                 self._look(strong_tiles, 0.85, 0.87)
                 # Again, as only these rays may meet a thing that is small.
-                self.prepared = self.in_view.prepare(grid, self.tolerance, self.prepared)
+                self.in_view.prepare(grid, self.tolerance)
                 self._shade(strong_tiles, image, 0.87, 1.0)
                 self.report.refined = edges.size + strong.size
         except KeyboardInterrupt:
             done = np.isfinite(image[:, 0]).mean()
             finished = min(float(done), 0.999)
-        self.report.materials = sum(m is not None for m in self.prepared)
+        self.report.materials = sum(m is not None for m in self.in_view.prepared)
         self.report.angles = self.in_view.describe()
         # Without skipping, every ray would be one of a full pixel, and meet every light.
         scale = scene.antialias**2 * self.report.pixels
@@ -213,7 +211,7 @@ class _Work:
             bounces = self._bounces(tile)
             self.report.rays += sum(len(bounce.material) for bounce in bounces)
             self.report.pairs += sum(int(np.sum(bounce.strength > 0)) for bounce in bounces)
-            samples = radiance(bounces, self.prepared, lights, background)
+            samples = radiance(bounces, self.in_view.prepared, lights, background)
             # The mean over the samples of each pixel, which follow one another.
             colours = (
                 np.asarray(samples).reshape(tile.pixels.size, -1, samples.shape[-1]).mean(axis=1)

@@ -15,19 +15,18 @@ class MaterialsInView:
 
     Args:
         materials: of the scene.
+
+    Attributes:
+        prepared: the materials made ready by `prepare`; None for those that were not in view.
     """
 
     def __init__(self, materials: Sequence[Material]):
-        self.materials: list[Material] = list(materials)
+        self.materials: Sequence[Material] = materials
+        self.prepared: list[Material | None] = [None] * len(materials)
         self._light: dict[int, Span] = {}
         self._view: dict[int, Span] = {}
         self._rays = 0
         self._samples = 0
-        # Under any gloss the mirror reflection is bounded by that of the largest index.
-        self._index = [
-            float(np.max(m.glaze.refractive_index)) if isinstance(m, Glazed) else None
-            for m in materials
-        ]
 
     @property
     def rays_a_sample(self) -> float:
@@ -36,14 +35,14 @@ class MaterialsInView:
 
     def most_mirrored(self, number: int, cos_view: PerPoint) -> PerPoint:
         """The most that the mirror reflection of a material carries; see `rays.Reflects`."""
-        if not self.materials[number].is_mirror:
+        material = self.materials[number]
+        if not material.is_mirror:
             return np.zeros(len(cos_view))
-        index = self._index[number]
-        return (
-            np.ones(len(cos_view))
-            if index is None
-            else np.asarray(dielectric_reflectance(cos_view, index))
-        )
+        if not isinstance(material, Glazed):
+            return np.ones(len(cos_view))
+        # That of the largest index bounds all bands.
+        index = float(np.max(material.glaze.refractive_index))
+        return np.asarray(dielectric_reflectance(cos_view, index))
 
     def add(self, bounces: list[Bounce]) -> None:
         """Take in what some rays meet."""
@@ -60,21 +59,14 @@ class MaterialsInView:
                 )
                 self._light[key] = _wider(self._light.get(key), bounce.cos_light[lit])
 
-    def prepare(
-        self,
-        wavelengths: Float[np.ndarray, "bands"],
-        tolerance: float,
-        before: Sequence[Material | None] = (),
-    ) -> list[Material | None]:
-        """Materials ready for the angles seen; None for those that are not in view.
+    def prepare(self, wavelengths: Float[np.ndarray, "bands"], tolerance: float) -> None:
+        """Make materials in view ready for the angles seen; what is ready already stays as it is.
 
         Args:
             wavelengths, tolerance: see `Material.prepare`.
-            before: what was prepared already, and stays as it is.
         """
-        prepared: list[Material | None] = list(before) or [None] * len(self.materials)
         for number, view in self._view.items():
-            if prepared[number] is None:
+            if self.prepared[number] is None:
                 material = self.materials[number]
                 depths = 0.0 if material.thickness_map is None else material.thickness_map
                 ranges = SeenRanges(
@@ -82,8 +74,7 @@ class MaterialsInView:
                     view=_legal(view),
                     thickness=_wider(None, np.asarray(depths, float)),
                 )
-                prepared[number] = material.prepare(wavelengths, ranges, tolerance)
-        return prepared
+                self.prepared[number] = material.prepare(wavelengths, ranges, tolerance)
 
     def describe(self) -> str:
         """Angles of the glazes in view, in words."""
