@@ -17,7 +17,7 @@ from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
 from ..shapes import Sphere
 from .mitsuba_shapes import mitsuba_shape, numbers, repeats, sphere_map
-from .scale import REACH, to_scale
+from .scale import REACH, Placing, to_scale
 
 # Shortest and longest wavelength that Mitsuba follows, nm.
 _FOLLOWED = (360.0, 830.0)
@@ -46,7 +46,7 @@ def mitsuba_scene(
         notes: takes a sentence for each material that becomes the nearest that Mitsuba has.
 
     Returns:
-        The scene, in the lengths of `to_scale`; its film is XYZ, on the scale of
+        The scene, in the lengths of `Placing`; its film is XYZ, on the scale of
         `picture.picture_xyz`.
 
     Raises:
@@ -55,11 +55,11 @@ def mitsuba_scene(
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     grid = np.asarray(scene.wavelengths, float)
-    scene, unit = to_scale(scene)
+    placing = to_scale(scene)
     camera = scene.camera
     view = mi.ScalarTransform4f().look_at(
-        origin=numbers(camera.position),
-        target=numbers(camera.target),
+        origin=[0.0, 0.0, 0.0],
+        target=numbers(camera.axes()[2]),
         up=numbers(camera.up),
     )
     description: Description = {
@@ -112,10 +112,10 @@ def mitsuba_scene(
                 "bsdf": bsdf,
                 "id": materials[key],
             }
-        body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped, unit=unit)
+        body = mitsuba_shape(shape, placing, folder / f"mesh_{k}.ply", mapped=mapped)
         description[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": materials[key]}}
     for k, light in enumerate(scene.lights):
-        description[f"light_{k}"] = _light(light, grid)
+        description[f"light_{k}"] = _light(light, grid, placing)
     if background and np.any(scene.background_spectrum() > 0):
         description["background"] = {
             "type": "constant",
@@ -231,13 +231,17 @@ def _metal(name: str, material: Conductor, grid: np.ndarray, notes: list[str]) -
     return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | optics
 
 
-def _light(light: Light, grid: np.ndarray) -> Description:
+def _light(light: Light, grid: np.ndarray, placing: Placing) -> Description:
     if isinstance(light, AreaLight):
         emitter = {"type": "area", "radiance": spectrum(light.spectrum, grid)}
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
-        return mitsuba_shape(light.shape) | {"emitter": emitter, "bsdf": black}
+        return mitsuba_shape(light.shape, placing) | {"emitter": emitter, "bsdf": black}
     # A perfect white has 1/pi of the irradiance as radiance, and here it is to have all of it.
-    power = spectrum(np.pi * np.asarray(light.spectrum, float), grid)
+    power = np.pi * np.asarray(light.spectrum, float)
     if isinstance(light, PointLight):
-        return {"type": "point", "position": numbers(light.position), "intensity": power}
-    return {"type": "directional", "direction": numbers(light.direction), "irradiance": power}
+        # Its strength is that at a distance of one unit of the scene.
+        intensity = spectrum(placing.unit**2 * power, grid)
+        position = numbers(placing.points(light.position))
+        return {"type": "point", "position": position, "intensity": intensity}
+    irradiance = spectrum(power, grid)
+    return {"type": "directional", "direction": numbers(light.direction), "irradiance": irradiance}

@@ -2,8 +2,8 @@
 triangles otherwise.
 """
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ....spectra import Numbers
 from ...mitsuba.describe import Description
 from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
-from .scale import REACH
+from .scale import REACH, Placing
 
 # Half the side of the rectangle that stands for an endless plane. One of triangles, whose points
 # Mitsuba knows less well, is smaller.
@@ -20,21 +20,22 @@ _ENDLESS_MAPPED = 30.0 * REACH
 
 
 def mitsuba_shape(
-    shape: Shape, path: Path | None = None, *, mapped: bool = False, unit: float = 1.0
+    shape: Shape, placing: Placing, path: Path | None = None, *, mapped: bool = False
 ) -> Description:
     """A shape for `mitsuba.load_dict`, without its material.
 
     Args:
-        shape: of `to_scale`.
+        shape: of the scene.
+        placing: its place in Mitsuba's lengths.
         path: file to write triangles to, ``.ply``; replaced if it exists. A sphere and a
             flat rectangle need none.
         mapped: its material has a map, so that coordinates on it must be those of the ray caster. A
             sphere's are
             not: its map is to be turned, see `sphere_map`.
-        unit: of `to_scale`; u and v of an endless plane count this length.
     """
     if isinstance(shape, Sphere):
-        return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
+        radius = float(placing.unit * shape.radius)
+        return {"type": "sphere", "center": numbers(placing.points(shape.centre)), "radius": radius}
     if isinstance(shape, Plane) and shape.relief is not None:
         mesh = relief_mesh(shape)
     elif isinstance(shape, Plane):
@@ -42,28 +43,25 @@ def mitsuba_shape(
         axes = plane_frame(shape).T
         if shape.size is not None:
             axes = axes * [shape.size[0] / 2, shape.size[1] / 2, 1.0]
-            return {"type": "rectangle", "to_world": _transform(axes, shape.point)}
-        # Around the point that is nearest to the camera, which is the origin.
+            return _rectangle(placing, shape.point, axes)
+        # Around the point that is nearest to the camera.
         point = np.asarray(shape.point, float)
-        foot = (axes[:, 2] @ point) * axes[:, 2]
+        foot = placing.eye + (axes[:, 2] @ (point - placing.eye)) * axes[:, 2]
+        half = (_ENDLESS_MAPPED if mapped else _ENDLESS) / placing.unit
+        quad = (foot, axes * [half, half, 1.0])
         if not mapped:
-            axes = axes * [_ENDLESS, _ENDLESS, 1.0]
-            return {"type": "rectangle", "to_world": _transform(axes, foot)}
+            return _rectangle(placing, *quad)
         # u and v count from the plane's own point; whole numbers of them make no difference.
-        half = _ENDLESS_MAPPED / unit
-        start = (foot - point) @ axes[:, :2] / unit % 1.0 - half
-        axes = axes * [_ENDLESS_MAPPED, _ENDLESS_MAPPED, 1.0]
-        mesh = _quads(shape.material, [(foot, axes)], 2.0 * half, start)
+        start = (foot - point) @ axes[:, :2] % 1.0 - half
+        mesh = _quads(shape.material, [quad], 2.0 * half, start)
     elif isinstance(shape, Box):
         axes = rotation(shape.rotation) * (np.asarray(shape.size, float) / 2)
-        if not mapped:
-            return {"type": "cube", "to_world": _transform(axes, shape.centre)}
         mesh = _quads(shape.material, _faces(axes, np.asarray(shape.centre, float)))
     else:
         mesh = shape
     # What shines has no triangles: it is a sphere or a flat rectangle.
     assert path is not None
-    return write_ply(path, mesh)
+    return write_ply(path, replace(mesh, vertices=placing.points(mesh.vertices)))
 
 
 def repeats(shape: Shape) -> bool:
@@ -188,11 +186,11 @@ def numbers(values: Numbers) -> list[float]:
     return np.asarray(values, float).tolist()
 
 
-def _transform(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
-    """Transform with the axes as columns and a point as origin."""
+def _rectangle(placing: Placing, centre: Numbers, axes: Float[np.ndarray, "3 3"]) -> Description:
+    """Mitsuba's rectangle, with half its sides and its normal as columns of `axes`."""
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     matrix = np.eye(4)
-    matrix[:3, :3] = axes
-    matrix[:3, 3] = np.asarray(point, float)
-    return mi.ScalarTransform4f(matrix.tolist())
+    matrix[:3, :3] = placing.unit * axes
+    matrix[:3, 3] = placing.points(centre)
+    return {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix.tolist())}

@@ -2,11 +2,12 @@
 numbers: where the picture begins and ends, and how far from a surface a new ray starts.
 """
 
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from ..lights import AreaLight, Light, PointLight
+from ....spectra import Numbers
 from ..scene import Scene
 from ..shapes import Mesh, Plane, Shape, Sphere, Vector, plane_frame, vector
 
@@ -16,23 +17,26 @@ surface: with so large a number, and the camera as origin, that is a share of th
 """
 
 
-def to_scale(scene: Scene) -> tuple[Scene, float]:
-    """The scene with the camera at the origin and shapes that reach as far as `REACH`.
+class Placing(NamedTuple):
+    """Mitsuba's lengths: the camera is the origin, and shapes reach as far as `REACH`."""
 
-    Returns:
-        The scene, and the length of the old unit in it.
+    eye: Vector
+    """The camera, in the scene's lengths."""
+    unit: float
+    """Length of the scene's unit in Mitsuba's lengths."""
+
+    def points(self, points: Numbers) -> Float[np.ndarray, "*points 3"]:
+        """Points of the scene in Mitsuba's lengths."""
+        return self.unit * (np.asarray(points, float) - self.eye)
+
+
+def to_scale(scene: Scene) -> Placing:
+    """Lengths in which the camera is the origin and the shapes of a scene reach as far as
+    `REACH`.
     """
-    camera = scene.camera
-    eye = vector("position", camera.position)
+    eye = vector("position", scene.camera.position)
     # Endless planes that the camera lies in reach nowhere: then any unit will do.
-    unit = REACH / (max(_reach(shape, eye) for shape in scene.shapes) or 1.0)
-    moved = replace(
-        scene,
-        shapes=[_moved(shape, eye, unit) for shape in scene.shapes],
-        lights=[_moved_light(light, eye, unit) for light in scene.lights],
-        camera=replace(camera, position=(0.0, 0.0, 0.0), target=camera.axes()[2]),
-    )
-    return moved, unit
+    return Placing(eye, REACH / (max(_reach(shape, eye) for shape in scene.shapes) or 1.0))
 
 
 def _reach(shape: Shape, eye: Vector) -> float:
@@ -49,32 +53,3 @@ def _reach(shape: Shape, eye: Vector) -> float:
     else:
         half = np.linalg.norm(np.asarray(shape.size, float)) / 2
     return float(np.linalg.norm(np.asarray(shape.centre, float) - eye) + half)
-
-
-def _moved(shape: Shape, eye: Vector, unit: float) -> Shape:
-    if isinstance(shape, Mesh):
-        return replace(shape, vertices=unit * (np.asarray(shape.vertices) - eye))
-    if isinstance(shape, Plane):
-        return replace(
-            shape,
-            point=unit * (np.asarray(shape.point, float) - eye),
-            size=None if shape.size is None else [unit * side for side in shape.size],
-            relief=None if shape.relief is None else unit * np.asarray(shape.relief, float),
-        )
-    centre = unit * (np.asarray(shape.centre, float) - eye)
-    if isinstance(shape, Sphere):
-        return replace(shape, centre=centre, radius=unit * shape.radius)
-    return replace(shape, centre=centre, size=unit * np.asarray(shape.size, float))
-
-
-def _moved_light(light: Light, eye: Vector, unit: float) -> Light:
-    if isinstance(light, AreaLight):
-        return replace(light, shape=_moved(light.shape, eye, unit))
-    if isinstance(light, PointLight):
-        # Its strength is that at a distance of one unit.
-        return replace(
-            light,
-            position=unit * (np.asarray(light.position, float) - eye),
-            spectrum=unit**2 * np.asarray(light.spectrum, float),
-        )
-    return light
