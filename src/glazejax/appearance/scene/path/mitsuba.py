@@ -15,7 +15,7 @@ from ...mitsuba.describe import Description
 from ..lights import AreaLight, Light, PointLight
 from ..materials import Conductor, Glazed, Lambert, Material, Phong
 from ..scene import Scene
-from ..shapes import Sphere
+from ..shapes import Shape, Sphere
 from .mitsuba_shapes import mitsuba_shape, numbers, repeats, sphere_map
 from .scale import REACH, Placing, to_scale
 
@@ -98,15 +98,7 @@ def mitsuba_scene(
         key = (shape.material, mapped and isinstance(shape, Sphere), mapped and repeats(shape))
         if key not in materials:
             materials[key] = f"m{len(materials)}"
-            bsdf = _bsdf(
-                name=shape.material,
-                material=material,
-                grid=grid,
-                on_sphere=key[1],
-                repeated=key[2],
-                tolerance=tolerance,
-                notes=notes,
-            )
+            bsdf = _bsdf(shape, material, grid=grid, tolerance=tolerance, notes=notes)
             description[f"material_{materials[key]}"] = {
                 "type": "twosided",
                 "bsdf": bsdf,
@@ -155,18 +147,13 @@ def _listed(values: np.ndarray) -> str:
 
 
 def _bsdf(
-    name: str,
-    material: Material,
-    grid: np.ndarray,
-    on_sphere: bool,
-    repeated: bool,
-    tolerance: float,
-    notes: list[str],
+    shape: Shape, material: Material, grid: np.ndarray, tolerance: float, notes: list[str]
 ) -> Description:
     if isinstance(material, Lambert):
         return {"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)}
     if isinstance(material, Glazed):
-        return _glaze(material, grid, on_sphere, repeated, tolerance)
+        return _glaze(shape, material, grid, tolerance)
+    name = shape.material
     if isinstance(material, Conductor):
         return _metal(name, material, grid, notes)
     if not isinstance(material, Phong):
@@ -183,16 +170,14 @@ def _bsdf(
     return {"type": "roughplastic", "alpha": width, "diffuse_reflectance": body}
 
 
-def _glaze(
-    material: Glazed, grid: np.ndarray, on_sphere: bool, repeated: bool, tolerance: float
-) -> Description:
+def _glaze(shape: Shape, material: Glazed, grid: np.ndarray, tolerance: float) -> Description:
     from ...mitsuba import glaze_bsdf, register
 
     register()
     thickness = None if material.thickness is None else np.asarray(material.thickness, float)
     if thickness is not None:
         # The plugin wants the first row at v = 0.
-        thickness = sphere_map(thickness) if on_sphere else thickness[::-1]
+        thickness = sphere_map(thickness) if isinstance(shape, Sphere) else thickness[::-1]
     description = glaze_bsdf(
         material.glaze,
         roughness=material.roughness,
@@ -202,7 +187,7 @@ def _glaze(
         gloss=material.gloss,
         tolerance=tolerance,
     )
-    if repeated:
+    if thickness is not None and repeats(shape):
         description["thickness"]["wrap_mode"] = "repeat"
     return description
 
