@@ -97,4 +97,4 @@ class DrJit(Arithmetic):
     def body(self, body: Body) -> Body:
         """A body's table on the device."""
         tables = {name: self.upload(getattr(body, name)) for name in TABLES}
-        return replace(body, surface=body.surface.on(self.upload), **tables)
+        return replace(body, **tables)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from . import lookup
 from .device import DrJit
 from .rough import Rough
 from .smooth import Smooth
@@ -42,18 +43,19 @@ class Facets:
         self._mi = mi
         self._dr = dr
         self._ops = DrJit(mi, dr)
-        self._surface = surface.on(self._ops.upload)
+        self._surface = surface
+        self._table = self._ops.upload(surface.table)
         self._facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, surface.roughness, True)
         self.kind: Any = mi.BSDFFlags.GlossyReflection
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""
-        return self._surface.columns(self._ops, cosine)[0]
+        return self._columns(cosine)[0]
 
     def sample(self, wi: Any, sample1: Any, sample2: Any) -> Any:
         """A direction by visible normals, or by the cosine."""
         mi = self._mi
-        loss = self._surface.columns(self._ops, wi.z)[2]
+        loss = self._columns(wi.z)[2]
         normal, _ = self._facets.sample(wi, sample2)
         return self._dr.select(
             sample1 < loss, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(wi, normal)
@@ -62,7 +64,7 @@ class Facets:
     def density(self, wi: Any, wo: Any) -> Any:
         """Of `sample`, in solid angle."""
         dr = self._dr
-        loss = self._surface.columns(self._ops, wi.z)[2]
+        loss = self._columns(wi.z)[2]
         normal = dr.normalize(wi + wo)
         along = dr.dot(wo, normal)
         # The density of a facet's normal, over 4 (o.m) for the direction mirrored by it.
@@ -85,5 +87,11 @@ class Facets:
             / dr.maximum(4.0 * wi.z, 1e-12)
         )
         # k(i) k(o)/C, what facets lose to one another, times c_o.
-        missing_in, missing_out = (self._surface.columns(self._ops, w.z)[1] for w in (wi, wo))
+        missing_in, missing_out = (self._columns(w.z)[1] for w in (wi, wo))
         return single + missing_in * missing_out / self._surface.lost * wo.z
+
+    def _columns(self, cosine: Any) -> Any:
+        """Numbers of the surface's table at a cosine in air; what lies below counts as grazing."""
+        along = self._surface.coordinate(self._ops, self._ops.maximum(cosine, 1e-6))
+        spot = lookup.place(self._ops, along, len(self._surface.table))
+        return lookup.line_sum(self._ops, self._table, spot, 1)[0]

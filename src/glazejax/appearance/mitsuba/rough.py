@@ -6,9 +6,7 @@ body does is a matrix and a vector on them, so one solution a function, and one 
 starts on the ground, give all angles.
 """
 
-import copy
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -23,7 +21,6 @@ from ...radiative.rough.body import Lit, reflectance
 from ...radiative.rough.body import Surface as Resolved
 from ...radiative.rough.resolution import FINEST, resolve
 from ..glaze.interpolation import lagrange
-from . import lookup
 from .ground_split import GroundTerms, evenly, split
 from .lookup import NUMPY, Arithmetic
 from .surfaces import ErrorOfNodes, Layers, SolvedSurface
@@ -37,8 +34,8 @@ class Rough(SolvedSurface):
 
     Attributes:
         lost: what the compensation divides by, C of `glazejax.radiative.rough.surface`.
-        table: of cosines in air: all that is reflected, what single facets lose, and the share of
-            that in the former.
+        table: at even steps of the coordinate: all that is reflected, what single facets lose, and
+            the share of that in the former, (steps, 1, 4), float32.
     """
 
     def __init__(self, refractive_index: float, roughness: float):
@@ -61,7 +58,7 @@ class Rough(SolvedSurface):
         back = 2.0 * np.pi * np.sum(weights * fine * fine_loss) / self.lost
         share = np.clip(loss * back / albedo, 0.0, 1.0)
         columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
-        self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)
+        self.table: np.ndarray = np.ascontiguousarray(columns[:, None], np.float32)
 
     def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
         """From cosines in air to [0, 1]."""
@@ -70,11 +67,6 @@ class Rough(SolvedSurface):
     def cosine(self, coordinate: Any) -> Any:
         """From [0, 1] to cosines in air."""
         return np.clip(self._turn * np.sinh(coordinate * np.arcsinh(1.0 / self._turn)), 0.0, 1.0)
-
-    def columns(self, ops: Arithmetic, cosine: Any) -> Any:
-        """Of `table`, at a cosine in air; what lies below counts as grazing."""
-        along = self.coordinate(ops, ops.maximum(cosine, 1e-6))
-        return lookup.line_sum(ops, self.table, lookup.place(ops, along, _STEPS), 1)[0]
 
     def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
         """Nothing is known without the table."""
@@ -124,12 +116,6 @@ class Rough(SolvedSurface):
         enters = np.asarray(rough_operators.enters(cosines), float)
         terms = split(values, rough_operators.basis.cosines.size)
         return GroundTerms(enters @ terms.black @ enters.T, terms.through @ enters.T, terms.back)
-
-    def on(self, upload: Callable[[np.ndarray], Any]) -> "Rough":
-        """With its table as `Arithmetic.packet` takes it."""
-        uploaded = copy.copy(self)
-        uploaded.table = upload(self.table)
-        return uploaded
 
 
 @functools.partial(jax.jit, static_argnums=2)

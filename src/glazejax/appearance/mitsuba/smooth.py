@@ -1,6 +1,5 @@
 """Glazes under a smooth surface, for their table."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -97,10 +96,6 @@ class Smooth(SolvedSurface):
     def expand(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> GroundTerms:
         """`GroundTerms` at the nodes from sums of those numbers, which are theirs already."""
         return split(values, cosines.size)
-
-    def on(self, upload: Callable[[np.ndarray], Any]) -> "Smooth":
-        """The same with its tables as `Arithmetic.packet` takes them; it has none."""
-        return self
 
 
 def _fill_unknown(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, "points bands"]:
