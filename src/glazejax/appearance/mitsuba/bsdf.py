@@ -19,6 +19,7 @@ from . import table
 from .coats import index_of, read_coats
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
+from .nodes import NodeSolver
 from .parameters import read_parameters
 from .rough import Rough
 from .smooth import Smooth
@@ -61,15 +62,8 @@ def _table(
             ground_spectrum = np.broadcast_to(known, glaze.wavelengths.shape)
         index = index_of(glaze)
         surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
-        return body_table(
-            surface=surface,
-            glaze=glaze,
-            layer=layer,
-            ranges=ranges,
-            ground=ground_spectrum,
-            mean_ground=mean_ground,
-            tolerance=tolerance,
-        )
+        solver = NodeSolver(surface=surface, glaze=glaze, layer=layer, tolerance=tolerance)
+        return body_table(solver, ranges, ground=ground_spectrum, mean_ground=mean_ground)
 
 
 def bands_of(coats: str) -> np.ndarray:

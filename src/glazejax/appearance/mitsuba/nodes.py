@@ -12,7 +12,6 @@ from numpy.polynomial import chebyshev
 from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, extrema
 from ...interpolated import interpolated
 from ...paint.media import Glaze
-from ...spectra import Bands
 from ..glaze.interpolation import error_weight, lagrange
 from ..glaze.solve import with_variables
 from ..glaze.table import LEAST_COSINE
@@ -40,15 +39,13 @@ _MOST_POINTS = 4000
 class Nodes(NamedTuple):
     """The terms at a few angles, as Chebyshev series over what varies."""
 
-    surface: GlazeSurface
-    wavelengths: Bands
+    solver: "NodeSolver"
     cosines: Float[np.ndarray, "angles"]
     """Nodes, in air."""
     axes: dict[str, Axis | Mirrored]
     """Those of "thickness" and "fraction" that vary."""
     coefficients: Float[np.ndarray, "*terms bands rows"]
     """Of the surface's `terms`."""
-    tolerance: float
 
     def terms(self) -> GroundTerms:
         """Terms on a tensor grid of Chebyshev's extrema, enough for products of the series: (*grid,
@@ -58,12 +55,20 @@ class Nodes(NamedTuple):
         for k, count in enumerate(values.shape[: len(self.axes)]):
             basis = chebyshev.chebvander(extrema(2 * count - 1), count - 1)
             values = along_axis(basis, values, k)
-        return self.surface.expand(values, self.cosines, SOLVER * self.tolerance)
+        return self.solver.expand(values, self.cosines)
 
 
 @dataclass(frozen=True)
 class NodeSolver:
-    """A glaze under a surface, asked for its terms."""
+    """A glaze under a surface, asked for its terms.
+
+    Attributes:
+        surface: above.
+        glaze: on even wavelengths (`read_coats`).
+        layer: number of the coat that varies, 0 on top.
+        tolerance: absolute error wanted of the table's reflectance factor, for any ground; the
+            solver has a share of it.
+    """
 
     surface: GlazeSurface
     glaze: Glaze
@@ -73,11 +78,15 @@ class NodeSolver:
     def factor(self, points: Points, cos_in: Any, cos_out: Any, ground: Any) -> np.ndarray:
         """Reflectance factor (points or 1, pairs, bands); cosines and ground broadcast to that."""
         layers = [x[..., None, :, :] for x in self._layers(points)]
-        return self.surface.factor(layers, ground, cos_in, cos_out, self.tolerance)
+        return self.surface.factor(layers, ground, cos_in, cos_out, SOLVER * self.tolerance)
 
     def terms(self, points: Points, cosines: np.ndarray) -> Float[np.ndarray, "points bands rows"]:
         """Rows of the surface's `terms`."""
-        return self.surface.terms(self._layers(points), cosines, self.tolerance)
+        return self.surface.terms(self._layers(points), cosines, SOLVER * self.tolerance)
+
+    def expand(self, values: np.ndarray, cosines: np.ndarray) -> GroundTerms:
+        """Terms at the angles from sums of those rows."""
+        return self.surface.expand(values, cosines, SOLVER * self.tolerance)
 
     def _layers(self, points: Points) -> Layers:
         """Albedo and optical thickness of the layers at points, (points or 1, bands, layers)."""
@@ -92,26 +101,16 @@ class NodeSolver:
         return [x.reshape(-1, *x.shape[-2:]) for x in layers]
 
 
-def solve_nodes(
-    surface: GlazeSurface,
-    glaze: Glaze,
-    layer: int,
-    ranges: Ranges,
-    tolerance: float,
-) -> Nodes:
+def solve_nodes(solver: NodeSolver, ranges: Ranges) -> Nodes:
     """Few angles, thicknesses and fractions that give all others within the tolerance.
 
     Args:
-        surface: above.
-        glaze: of `read_coats`.
-        layer: the coat that varies.
+        solver: of the glaze.
         ranges: of what varies.
-        tolerance: absolute error wanted of the reflectance factor, for any ground.
     """
-    solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
     # The angles have this share of the tolerance, and thickness and fraction as much.
-    share = 0.3 * tolerance
-    cosines = surface.angles(_error_of_nodes(solver, ranges), share)
+    share = 0.3 * solver.tolerance
+    cosines = solver.surface.angles(_error_of_nodes(solver, ranges), share)
     axes = {}
     if ranges:
         interpolant = interpolated(
@@ -126,14 +125,7 @@ def solve_nodes(
         coefficients = np.asarray(interpolant.coefficients).reshape(*terms, *interpolant.shape)
     else:
         coefficients = solver.terms({}, cosines)[0]
-    return Nodes(
-        surface=surface,
-        wavelengths=np.asarray(glaze.wavelengths, float),
-        cosines=cosines,
-        axes=axes,
-        coefficients=coefficients,
-        tolerance=tolerance,
-    )
+    return Nodes(solver=solver, cosines=cosines, axes=axes, coefficients=coefficients)
 
 
 def _distance(
@@ -141,7 +133,7 @@ def _distance(
 ) -> np.ndarray:
     """Largest difference of the reflectance factor over black, grey and white ground, (points,)."""
     weight = error_weight(cosines[:, None], cosines, solver.surface.refractive_index)
-    terms = [solver.surface.expand(values, cosines, solver.tolerance) for values in (coarse, fine)]
+    terms = [solver.expand(values, cosines) for values in (coarse, fine)]
     # R0, T and S count differently over each of these.
     largest = np.zeros(len(coarse))
     for ground in (0.0, 0.5, 1.0):
@@ -186,7 +178,7 @@ def _error_of_nodes(solver: NodeSolver, ranges: Ranges) -> ErrorOfNodes:
         # Solved when the first nodes are judged, and kept for the others.
         if not truth:
             truth.append(solver.factor(points, a[:, None], b[:, None], ground[:, None]))
-        terms = surface.expand(solver.terms(points, cosines), cosines, solver.tolerance)
+        terms = solver.expand(solver.terms(points, cosines), cosines)
         # What is known in closed form is taken off before the interpolation and put back after it.
         bases = [lagrange(2.0 * surface.coordinate(NUMPY, x) - 1.0, cosines.size) for x in (a, b)]
         rho = terms.black / surface.analytic_factor(NUMPY, cosines[:, None], cosines)

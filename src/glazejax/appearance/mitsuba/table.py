@@ -15,7 +15,6 @@ from jaxtyping import Float
 from numpy.polynomial import chebyshev
 
 from ...chebyshev_table import SAFETY, Axis, Mirrored, along_axis, series_coefficients
-from ...paint.media import Glaze
 from ...radiative.common.quadrature import gauss
 from ...spectra import Bands
 from ..glaze.interpolation import error_weight, lagrange
@@ -118,42 +117,31 @@ def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
 
 
 def body_table(
-    surface: GlazeSurface,
-    glaze: Glaze,
-    layer: int,
-    ranges: Ranges,
-    ground: Bands | None,
-    mean_ground: float,
-    tolerance: float,
+    solver: NodeSolver, ranges: Ranges, ground: Bands | None, mean_ground: float
 ) -> Body:
     """Table of a glaze under a surface.
 
     Args:
-        surface: above.
-        glaze: on even wavelengths (`read_coats`).
-        layer: number of the coat that varies, 0 on top.
-        ranges: what varies of it, and from where to where.
+        solver: of the glaze, with the tolerance of the table.
+        ranges: what varies of its coat, and from where to where.
         ground: reflectance of the ground in each band, put into the table; None for any ground,
             given at each lookup.
         mean_ground: about what the ground then reflects, for choosing directions.
-        tolerance: absolute error wanted of the reflectance factor, in the bands.
 
     Returns:
         `Body`, whose `error` says what was reached.
     """
-    solver = NodeSolver(surface, glaze, layer, SOLVER * tolerance)
-    tries = tolerance
+    finer = solver
     best = None
     for _ in range(3):
-        nodes = solve_nodes(surface, glaze, layer, ranges, tries)
-        body = _compress(nodes, ground, mean_ground)
-        error = _error(body, solver, ground) + solver.tolerance
+        body = _compress(solve_nodes(finer, ranges), ground, mean_ground)
+        error = _error(body, solver, ground) + SOLVER * solver.tolerance
         if best is None or error < best.error:
             best = replace(body, error=error)
-        if error <= tolerance:
+        if error <= solver.tolerance:
             break
         # Errors of the nodes and of the table's own interpolation add up: the next nodes are finer.
-        tries /= 4.0
+        finer = replace(finer, tolerance=finer.tolerance / 4.0)
     assert best is not None
     return best
 
@@ -237,7 +225,7 @@ def _dots(ops: Arithmetic, first: list[Any], second: list[Any]) -> Any:
 
 def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
     """Shapes and their weights, from the solver's nodes."""
-    surface = nodes.surface
+    surface = nodes.solver.surface
     n = nodes.cosines.size
     analytic = surface.analytic_factor(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones(
         (n, n)
@@ -250,8 +238,8 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     exact = (over(terms, level) / analytic).reshape(rows)
     dim = (over(terms, mean) / analytic).reshape(rows).mean(axis=-2, keepdims=True)
     # Shares of the tolerance: shapes left out, distances between angles and between nodes.
-    left_out = 0.1 * nodes.tolerance
-    limit = 0.05 * nodes.tolerance
+    left_out = 0.1 * nodes.solver.tolerance
+    limit = 0.05 * nodes.solver.tolerance
     shapes, onto = _basis([exact, dim], analytic.ravel(), left_out)
     axes = len(nodes.axes)
     weights = series_coefficients(exact @ onto, axes)
@@ -290,7 +278,7 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
     return Body(
         surface=surface,
-        wavelengths=nodes.wavelengths,
+        wavelengths=nodes.solver.glaze.wavelengths,
         axes=nodes.axes,
         counts=counts,
         angles=count,
