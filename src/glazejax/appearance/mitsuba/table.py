@@ -261,9 +261,8 @@ def _compress(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Bo
     # All kept series must do between the nodes; what the ground sees counts more, as light goes
     # back and forth.
     peak = np.max(analytic) * np.max(np.abs(shapes), axis=-1)
-    counts = tuple(_line_count(weights * peak, k, limit) for k in range(axes))
-    if through is not None:
-        counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
+    varying = [weights * peak] if through is None else [weights * peak, through]
+    counts = tuple(max(_line_count(series, k, limit) for series in varying) for k in range(axes))
     # Each shape over all directions of the second angle gives its albedo.
     cosines, measure = gauss(64)
     measure = 2.0 * measure * cosines
