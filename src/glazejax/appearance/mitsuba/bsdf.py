@@ -94,10 +94,10 @@ class GlazeBSDF:
         mi.BSDF.__init__(self, props)
         parameters = read_parameters(mi, props)
         self._given = parameters
-        self._thickness, self._fraction = (
-            None if isinstance(x, float | None) else x
-            for x in (parameters.thickness, parameters.fraction)
-        )
+        numbers = {"thickness": parameters.thickness, "fraction": parameters.fraction}
+        self._varying = {
+            name: value for name, value in numbers.items() if not isinstance(value, float | None)
+        }
         self._coats = _text_of(parameters.coats)
         self._ground = self._ground_texture()
         # Room for a texture of one value: a table needs a range.
@@ -120,7 +120,7 @@ class GlazeBSDF:
         self._surface: Any = lobe
         flags = mi.BSDFFlags
         # Mitsuba must know whether the glaze varies over a surface.
-        textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
+        textured = self._varying or self._ground is not None
         spatial = int(flags.SpatiallyVarying) if textured else 0
         self._diffuse = int(flags.DiffuseReflection)
         body = self._diffuse | int(flags.FrontSide) | spatial
@@ -133,8 +133,7 @@ class GlazeBSDF:
     def traverse(self, callback: Any) -> None:
         """Names the textures, which may be optimised."""
         kind = self._mi.ParamFlags.Differentiable
-        for name in ("thickness", "fraction", "ground"):
-            texture = getattr(self, f"_{name}")
+        for name, texture in (self._varying | {"ground": self._ground}).items():
             if isinstance(texture, _Bands | None):
                 continue
             if hasattr(callback, "put"):
@@ -193,11 +192,9 @@ class GlazeBSDF:
         surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
         body = ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, self._last)
         ops = DrJit(mi, dr, lit)
-        varying = {}
-        if self._thickness is not None:
-            varying["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
-        if self._fraction is not None:
-            varying["fraction"] = self._fraction.eval_1(si, lit)
+        varying = {name: texture.eval_1(si, lit) for name, texture in self._varying.items()}
+        if "thickness" in varying:
+            varying["thickness"] = varying["thickness"] * self._given.thickness_scale
         weights = None
         if body and valued:
             ground = None
@@ -359,6 +356,5 @@ def _text_of(coats: str) -> str:
         return coats
     # What cannot be read is left to `read_coats`, whose errors name the file.
     with suppress(OSError, ValueError):
-        if Path(name).is_file():
-            return Path(name).read_text(encoding="utf-8")
+        return Path(name).read_text(encoding="utf-8")
     return coats
