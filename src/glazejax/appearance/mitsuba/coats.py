@@ -46,9 +46,9 @@ def on_even_grid(glaze: Glaze) -> Glaze:
     dividing.
     """
     grid = np.asarray(glaze.wavelengths, float)
-    # As many bands as the finest step asks for.
-    count = grid.size if grid.size < 3 else round((grid[-1] - grid[0]) / np.diff(grid).min()) + 1
-    return on_grid(glaze, np.linspace(grid[0], grid[-1], max(count, 2)) if grid.size > 1 else grid)
+    # As many bands as the finest step asks for; one band has no step.
+    steps = round((grid[-1] - grid[0]) / np.diff(grid).min(initial=np.inf))
+    return on_grid(glaze, np.linspace(grid[0], grid[-1], steps + 1))
 
 
 def index_of(glaze: Glaze) -> float:
