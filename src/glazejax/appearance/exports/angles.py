@@ -12,6 +12,7 @@ from ...colour import CIE_1931, colour_weights, white_point
 from ...paint.media import Glaze, check_glaze
 from ...progress import Progress, no_progress
 from ...radiative.common.fresnel import dielectric_reflectance
+from ...radiative.common.quadrature import gauss
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
 from ..glaze.solve import on_grid, planned_factor
@@ -115,8 +116,8 @@ def angular_colour(
     single = on_grid(single, grid)
     # Gauss's cosines of light and eye: integrals over the hemisphere are right to 1e-6 of an
     # albedo.
-    nodes, steps = np.polynomial.legendre.leggauss(8)
-    cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
+    nodes, steps = gauss(8)
+    cosines = np.concatenate([nodes[::-1], np.cos(np.deg2rad(VIEWS))])
     index = float(np.mean(np.asarray(single.refractive_index)))
     # Without the surface's own reflection, light by eye.
     if roughness > 0:
@@ -141,7 +142,7 @@ def angular_colour(
         surface = dielectric_reflectance(cosines, index)
     return AngularColour(
         cosines=cosines,
-        weights=0.5 * steps,
+        weights=steps,
         body=rgb_of_xyz(spectra @ weights, white, linear_space),
         surface=np.asarray(surface, float),
         refractive_index=index,
