@@ -140,7 +140,7 @@ def mapped_colours(
     varied = distinct.max(axis=0) > distinct.min(axis=0)
     error = 0.0
     # Few points are computed each; many by a table over the kinds that vary.
-    if len(distinct) <= 64 or not varied.any():
+    if len(distinct) <= 64:
         values = mean_xyz(distinct, len(distinct))
     else:
 
