@@ -186,8 +186,7 @@ def _evaluate(
     points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
     # A point holds its weights over all nodes and some spectra.
     size = _CHUNK_NUMBERS // (nodes + 4 * bands)
-    at_point = jax.vmap(lambda point: evaluate(table, flat, point[:, None], jnp)[0])
-    values = in_chunks(at_point, points, max(64, size))
+    values = in_chunks(lambda some: evaluate(table, flat, some.T, jnp), points, max(64, size))
     return values.reshape(*cos_in.shape, bands)
 
 
