@@ -4,7 +4,6 @@ The figures are in `metals.csv` next to this file, as printed in their sources a
 without copyright (CC0 1.0), by the refractiveindex.info database.
 """
 
-import csv
 import functools
 from importlib.resources import files
 from typing import NamedTuple
@@ -116,18 +115,18 @@ def metal(name: str, wavelengths_nm: Grid | None = None) -> Metal:
 def _load() -> dict[str, Metal]:
     """All metals, from the file."""
     text = files(__name__.rpartition(".")[0]).joinpath("metals.csv").read_text(encoding="utf-8")
-    rows = list(csv.DictReader(text.splitlines()))
+    table = np.genfromtxt(
+        text.splitlines(), delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
     metals = {}
     for name, source in SOURCES.items():
-        table = np.array(
-            [[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name]
-        )
-        table.setflags(write=False)
+        rows = table[table["metal"] == name]
+        rows.setflags(write=False)
         metals[name] = Metal(
             name=name,
-            wavelengths=table[:, 0],
-            refractive_index=table[:, 1],
-            extinction=table[:, 2],
+            wavelengths=rows["wavelength_nm"],
+            refractive_index=rows["n"],
+            extinction=rows["k"],
             source=source,
         )
     return metals
