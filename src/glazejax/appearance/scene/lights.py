@@ -183,9 +183,7 @@ def lamp_on_bands(
     # that has no whole number around it still has a value.
     fine = np.union1d(np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0), grid)
     power = np.interp(fine, own, values)
-    hats = np.stack(
-        [np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)]
-    )
+    hats = np.stack([np.interp(fine, outer, hat) for hat in np.eye(outer.size)[1:-1]])
     # Each sample counts for the wavelengths that are nearest to it.
     hats *= np.gradient(fine)
     bands = (hats @ power) / hats.sum(axis=1)
