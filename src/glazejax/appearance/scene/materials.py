@@ -231,8 +231,7 @@ class Conductor(Material):
     def direct(self, angles: Angles) -> PairSpectra:
         """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""
         if self.is_mirror:
-            bands = jnp.broadcast_shapes(self.refractive_index.shape, self.extinction.shape)
-            return jnp.zeros((*angles.light.shape, *(bands or (1,))), angles.light.dtype)
+            return jnp.zeros_like(angles.light)[:, None]
         # H is (V + L) / |V + L|, and |V + L|^2 = 2 + 2 V.L.
         cos_facet = jnp.sqrt(jnp.clip(0.5 * (1.0 + angles.between), 1e-12, 1.0))
         cos_half = (angles.view + angles.light) / (2.0 * cos_facet)
