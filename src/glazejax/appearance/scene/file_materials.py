@@ -190,11 +190,10 @@ def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
             "smaller",
         )
     top = 255.0 if picture.dtype == np.uint8 else 1.0
-    grey = np.empty(picture.shape[:2])
-    # Row by row, as the whole picture in double precision would take eight times its size.
-    for i, row in enumerate(picture):
-        shade = row.astype(float) / top
-        grey[i] = shade if row.ndim == 1 else shade[..., :3].mean(axis=-1)
+    # NumPy's mean takes few numbers at a time to double precision, in which the whole picture would
+    # have eight times its size.
+    grey = picture.astype(float) if picture.ndim == 2 else picture[..., :3].mean(-1, dtype=float)
+    grey = grey / top
     if not 0 <= grey.min() <= grey.max() <= 1:
         raise refusal(
             path,
