@@ -220,7 +220,6 @@ def _fit_lobes(
     low = np.array([0.0] * 4 + ([1e-3] * 3 + [0.0] if coated else []))
 
     def material(x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
-        x = np.clip(x, low, 1.0)
         matt = replace(surface, base_color=colour_tuple(x[:3]), base_diffuse_roughness=float(x[3]))
         if not coated:
             return matt
