@@ -77,18 +77,20 @@ def render(
     ).run()
 
 
+@dataclass
 class _Work:
-    """One picture in the making."""
+    """One picture in the making; arguments as of `render`."""
 
-    def __init__(
-        self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress
-    ):
-        self.weights = None if spectral else colour_weights(scene.wavelengths, "E")
-        self.scene = scene
-        self.adaptive = adaptive
-        self.refines: bool = adaptive and scene.antialias > 1
-        self.tolerance = tolerance
-        self.progress = progress
+    scene: Scene
+    spectral: bool
+    adaptive: bool
+    tolerance: float
+    progress: Progress
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.weights = None if self.spectral else colour_weights(scene.wavelengths, "E")
+        self.refines: bool = self.adaptive and scene.antialias > 1
         self.geometry = make_geometry(scene.shapes, scene.materials)
         self.places: Lamps = lamps(scene.lights)
         self.in_view = MaterialsInView(list(scene.materials.values()))
@@ -144,7 +146,7 @@ class _Work:
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
         return Rendered(
             values=self._as_picture(image),
-            spectral=self.weights is None,
+            spectral=self.spectral,
             wavelengths=grid,
             done=finished,
             report=self.report,
