@@ -13,6 +13,8 @@ from ..source import Source
 from ..words import finite_number, unshield_name
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
+# A # at the start or after a blank, outside quotes, and what follows it.
+_COMMENT = re.compile(r'("[^"]*(?:"|$))|(?<!\S)#.*')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380; with the unit
 # said SPECTRAL_PCT_380, SPECTRAL_DEC380
 _BAND = re.compile(
@@ -110,7 +112,7 @@ def _sheets(source: Source) -> list[_CgatsTable]:
     keywords: dict[str, str] = {}
     state = "keywords"
     for number, line in enumerate(source.text().splitlines(), start=1):
-        cells = [quoted or plain for quoted, plain in _CELL.findall(_without_comment(line))]
+        cells = [quoted or plain for quoted, plain in _CELL.findall(_COMMENT.sub(r"\1", line))]
         first = cells[0].upper() if cells else ""
         if first == "BEGIN_DATA_FORMAT":
             sheets.append(_CgatsTable(source, dict(keywords)))
@@ -142,17 +144,6 @@ def _sheets(source: Source) -> list[_CgatsTable]:
         # Below the last table a keyword can only be about that.
         sheets[-1].keywords.update(keywords)
     return sheets
-
-
-def _without_comment(line: str) -> str:
-    """Line up to a # that stands at its start or after a blank, outside quotes."""
-    inside = False
-    for i, letter in enumerate(line):
-        if letter == '"':
-            inside = not inside
-        elif letter == "#" and not inside and (i == 0 or line[i - 1].isspace()):
-            return line[:i]
-    return line
 
 
 def _name_pairs(sheet: _CgatsTable) -> None:
