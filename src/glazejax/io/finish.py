@@ -63,7 +63,6 @@ class RawSpectra:
         missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any
             spectrum, and then spectra that lack one; where most do, bands that some lack.
         attributes: what else the file says of each row.
-        by_hand: whether people make such files, whose names must differ.
         lit: wavelengths (nm) between which every reading must be legal.
         lowest: value (fraction) below which it is no noise any more.
         highest: value (fraction) above which the unit must be wrong.
@@ -79,7 +78,6 @@ class RawSpectra:
     scale: float | None = None
     missing: Literal["refuse", "drop"] = "refuse"
     attributes: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    by_hand: bool = False
     lit: tuple[float, float] = DETECTED
     lowest: float = -MAX_NOISE
     highest: float = MAX_DECLARED
@@ -109,12 +107,9 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     length, scale = read_units(stated)
     declared = scale or raw.scale or meaning(raw.quantity).scale
     notes = list(raw.notes)
-    names = raw.names
-    # The reader of tables has seen that names differ, in less room.
-    if not raw.by_hand or any(plain_name(name) != name for name in names):
-        names = different(
-            [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes
-        )
+    names = different(
+        [plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(raw.names)], notes
+    )
     values = raw.values
     wavelengths, remarks = nanometres(raw.wavelengths, length or raw.wavelength_unit)
     notes += remarks

@@ -194,7 +194,6 @@ def read_table(source: Source) -> RawSpectra:
         quantity=first_quantity((title, cells.said)),
         scale=100.0 if cells.percent else meaning(title).scale or meaning(cells.said).scale,
         attributes=attributes,
-        by_hand=True,
         # Lines above are a spectrometer's; without them, a person may have made the file.
         lit=DETECTED if titled or not cells.header_line else SPECTROMETER,
     )
