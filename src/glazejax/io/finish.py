@@ -51,8 +51,8 @@ class RawSpectra:
     """Numbers as a reader found them.
 
     Attributes:
-        wavelengths: (bands,), in any order.
-        names: one a row; they may repeat or be empty.
+        wavelengths: (bands,), in any order, one at least.
+        names: one a row, one at least; they may repeat or be empty.
         values: (rows, bands), float64, fraction or percent or scaled; NaN where missing. They
             become fractions in place.
         format: what the file is.
@@ -92,8 +92,8 @@ def finish(raw: RawSpectra, path: Path, **stated: Unpack[Stated]) -> SpectraTabl
         stated: what the user says, before the file.
 
     Raises:
-        ValueError: no spectra, another quantity than reflectance, a grid or values that are not
-            legal; one line that names the file.
+        ValueError: another quantity than reflectance, a grid or values that are not legal; one line
+            that names the file.
     """
     with naming(path):
         return _finish(raw, stated)
@@ -101,8 +101,6 @@ def finish(raw: RawSpectra, path: Path, **stated: Unpack[Stated]) -> SpectraTabl
 
 def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
     """Table of raw spectra; errors do not name the file."""
-    if not len(raw.names):
-        raise ValueError("the file holds no spectra")
     check_reflectance(raw.quantity, stated)
     length, scale = read_units(stated)
     declared = scale or raw.scale or meaning(raw.quantity).scale
@@ -118,7 +116,7 @@ def _finish(raw: RawSpectra, stated: Stated) -> SpectraTable:
         wavelengths = wavelengths[order]
         values = values[:, order]
     missing = raw.missing
-    if values.size and np.fmin.reduce(values, axis=None) <= USUAL_MARK:
+    if np.fmin.reduce(values, axis=None) <= USUAL_MARK:
         # Infinity is no mark but damage.
         marks = ((values < DELETED) & np.isfinite(values)) | (values == USUAL_MARK)
         if marks.any():

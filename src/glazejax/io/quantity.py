@@ -254,9 +254,9 @@ def _without_unit(
     wavelengths: "Bands",
 ) -> tuple["Bands", list[str]]:
     """Wavelengths in nm where nobody says their unit."""
-    low = np.fmin.reduce(wavelengths, initial=np.inf)
-    high = np.fmax.reduce(wavelengths, initial=-np.inf)
-    if high < 100 and wavelengths.size:
+    low = np.fmin.reduce(wavelengths)
+    high = np.fmax.reduce(wavelengths)
+    if high < 100:
         if (wavelengths == np.round(wavelengths)).all():
             raise ValueError(
                 f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not "
@@ -266,13 +266,13 @@ def _without_unit(
             "wavelengths without a unit look like micrometres; multiplied by 1000"
         ]
     # Mid-infrared spectra: software writes them upwards from 400 to 4000, or downwards.
-    falls = wavelengths.size > 1 and wavelengths[0] > max(1000.0, wavelengths[-1])
+    falls = wavelengths[0] > max(1000.0, wavelengths[-1])
     if falls or (low > 2600 or high > 3400):
         raise ValueError(
             f"{wavelengths[0]:g} ... {wavelengths[-1]:g} without a unit may be wavenumbers (1/cm): "
             "say --unit 1/cm, or --unit nm"
         )
-    return wavelengths, [not_stated("nm")] if wavelengths.size else []
+    return wavelengths, [not_stated("nm")]
 
 
 def not_stated(*units: str) -> str:
