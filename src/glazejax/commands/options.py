@@ -745,7 +745,7 @@ def check_outputs(
     from ..extras import require
     from ..io.outputs import check_output
     from ..io.source import split_sheet
-    from ..plots import check_ending, check_picture
+    from ..plots import check_ending
 
     option_of: dict[Path, str] = {}
     # A sheet is of a file, too.
@@ -772,10 +772,7 @@ def check_outputs(
         # What cannot be made is said below.
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        if option in pictures:
-            check_picture(path, overwrite=overwrite, argument=option)
-        else:
-            check_output(path, overwrite=overwrite, argument=option)
+        check_output(path, overwrite=overwrite, argument=option)
 
 
 # Of single files, which a user may expect in place of a folder.
