@@ -278,19 +278,18 @@ def _floats(what: str, values: Numbers) -> np.ndarray:
 def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
     """ValueError that names the first value outside, if the values are known."""
     numbers = concrete(values)
-    if numbers is None or numbers.size == 0:
+    if numbers is None:
         return
     if numbers.dtype.kind not in "biufV":
         raise ValueError(f"{name} is {values!r}; it must be a number or an array of them")
     # A number in a narrower type may round to just beyond the end; NaN fails either comparison.
     room = 1e-6 * (axis.high - axis.low) if numbers.dtype == np.float32 else 0.0
-    if numbers.min() >= axis.low - room and numbers.max() <= axis.high + room:
-        return
-    wrong = numbers[~((numbers >= axis.low - room) & (numbers <= axis.high + room))].flat[0]
-    raise ValueError(
-        f"{name} is {wrong:g}, outside the table's range {axis.low:g} to {axis.high:g}; build "
-        "one that covers it"
-    )
+    inside = (numbers >= axis.low - room) & (numbers <= axis.high + room)
+    if not inside.all():
+        raise ValueError(
+            f"{name} is {numbers[~inside][0]:g}, outside the table's range {axis.low:g} to "
+            f"{axis.high:g}; build one that covers it"
+        )
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
