@@ -31,9 +31,10 @@ MAX_LINE = 1 << 22
 # What is read as a whole, and into how many words it may be cut: together they stay below 200 MB.
 MAX_TEXT = 1 << 24
 MAX_WORDS = 1_500_000
-DATA_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
-"""Endings of the binary half of an ENVI pair, next to its .hdr."""
-_ENVI = ("", ".hdr", *(f".{ending}" for ending in DATA_ENDINGS))
+_ENVI = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
+DATA_ENDINGS = ("", *(f".{ending}" for word in _ENVI for ending in (word, word.upper())))
+"""Endings of the binary half of an ENVI pair, next to its .hdr; the usual first."""
+_PAIR_ENDINGS = (*DATA_ENDINGS, ".hdr", ".HDR")
 WORKBOOKS: tuple[str, ...] = (".xlsx", ".xlsm", ".xls", ".ods")
 """Endings of workbooks, of which FILE:SHEET names a sheet."""
 # Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
@@ -315,9 +316,9 @@ def is_there(path: str | Path) -> bool:
 
 def with_its_pair(path: Path) -> list[Path]:
     """A file and, where it is half of an ENVI pair, the other half."""
-    if path.suffix.lower() not in _ENVI or path.is_dir():
+    if path.suffix.lower() not in _PAIR_ENDINGS or path.is_dir():
         return [path]
-    candidates = {path.with_suffix(end) for word in _ENVI for end in (word, word.upper())}
+    candidates = {path.with_suffix(ending) for ending in _PAIR_ENDINGS}
     # The header of cube.img may be cube.img.hdr, too.
     candidates |= {path.with_name(f"{path.name}{end}") for end in (".hdr", ".HDR")}
     companions = [

@@ -333,21 +333,14 @@ class EnviFile:
 
     def _data_beside(self) -> Path:
         """Data file of the header, by the names that ENVI and its kin use."""
-        stem = self.path.with_suffix("")
-        names = [
-            stem,
-            *(
-                stem.with_name(f"{stem.name}.{end}")
-                for word in DATA_ENDINGS
-                for end in (word, word.upper())
-            ),
-        ]
-        for name in names:
+        for ending in DATA_ENDINGS:
+            name = self.path.with_suffix(ending)
             if name != self.path and is_there(name):
                 return name
+        stem = self.path.stem
         raise FileNotFoundError(
-            f"{show_path(self.path)}: no data next to this ENVI header; looked for {stem.name} and "
-            f"{stem.name}.sli, .img, ..."
+            f"{show_path(self.path)}: no data next to this ENVI header; looked for {stem} and "
+            f"{stem}.sli, .img, ..."
         )
 
     @property
