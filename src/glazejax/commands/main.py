@@ -101,11 +101,7 @@ def make_app() -> "typer.Typer":
         def get_params(self, ctx: Any) -> list[Any]:
             return without_bool(super().get_params(ctx))
 
-    class App(typer.Typer):
-        def command(self, name: str | None = None, **settings: Any) -> Any:
-            return super().command(name, cls=Command, **settings)
-
-    app = App(
+    app = typer.Typer(
         name="glazejax",
         cls=Group,
         help="Colour of stacked paint glazes: from pigments to reflectance, and back.",
@@ -127,7 +123,7 @@ def make_app() -> "typer.Typer":
         """Colour of stacked paint glazes: from pigments to reflectance, and back."""
 
     for point in sorted(entry_points(group="glazejax.commands"), key=lambda p: p.name):
-        app.command(point.name)(point.load())
+        app.command(point.name, cls=Command)(point.load())
     return app
 
 
