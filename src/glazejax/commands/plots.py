@@ -191,7 +191,7 @@ def _draw_swatches(axes: "Axes", rendering: Rendering) -> None:
         )
         axes.add_patch(patch)
     for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
-        lightness, a, b = (round(float(value), 1) + 0.0 for value in rendering.lab(spectrum))
+        lightness, a, b = rendering.lab(spectrum)
         axes.text(x, 0.185, what, fontweight="bold", va="center", fontsize=15)
         axes.text(
             x,
@@ -201,7 +201,7 @@ def _draw_swatches(axes: "Axes", rendering: Rendering) -> None:
             fontsize=15,
             family="monospace",
         )
-        axes.text(x, -0.01, f"Lab {lightness:.1f}, {a:.1f}, {b:.1f}", va="center", fontsize=13.5)
+        axes.text(x, -0.01, f"Lab {lightness:z.1f}, {a:z.1f}, {b:z.1f}", va="center", fontsize=13.5)
 
 
 def _draw_strips(axes: "Axes", rendering: Rendering, marked: int | None) -> None:

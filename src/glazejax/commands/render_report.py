@@ -86,7 +86,7 @@ def _colour(rendering: Rendering) -> Iterator[Text]:
     yield Text.assemble(("Colour", "bold"), f" under {rendering.eye}")
     yield Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)")
     hue = np.rad2deg(np.arctan2(b, a)) % 360
-    values = "".join(f"{format_decimals(v, 2):>9}" for v in (lightness, a, b))
+    values = "".join(f"{v:z9.2f}" for v in (lightness, a, b))
     yield Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)")
     line = Text(
         "  sRGB   "
@@ -125,9 +125,7 @@ def _comparison(rendering: Rendering, coats: Sequence[Coat], width: int) -> Tabl
         values = rendering.lab(spectrum)
         shade = hex_colour(rendering.rgb(spectrum))
         cells = [*values, float(delta_e_2000(glaze_lab, values))] if wide else [*values]
-        table.add_row(
-            f" {name}", *(format_decimals(v) for v in cells), Text(f"{shade} ") + swatch(shade)
-        )
+        table.add_row(f" {name}", *(f"{v:z.1f}" for v in cells), Text(f"{shade} ") + swatch(shade))
     return table
 
 
@@ -158,8 +156,3 @@ def report_remarks(remarks: Sequence[tuple[str, str]]) -> Table:
     for kind, words in remarks:
         table.add_row(Text(f"{kind}:", style="yellow" if kind == "warning" else "dim"), Text(words))
     return table
-
-
-def format_decimals(value: float, places: int = 1) -> str:
-    """A number with so many decimals, and never minus zero."""
-    return f"{round(float(value), places) + 0.0:.{places}f}"
