@@ -338,7 +338,7 @@ def _on_shared_bands(stack: "Stack", ground: options.Ground) -> "tuple[Stack, tu
 
     notes = ground.notes
     with ground.blame():
-        grid = common_grid(stack, stack.pigments)
+        grid = common_grid(stack)
     grids = [stack.pigments[name].wavelengths for coat in stack.coats for _, name in coat.parts]
     if isinstance(stack.ground, Spectrum):
         grids.append(stack.ground.wavelengths)
