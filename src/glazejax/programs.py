@@ -36,6 +36,8 @@ Result = TypeVar("Result")
 # What programs are made with, besides the two packages here.
 _MAKERS = ("jax", "jaxlib", "numpy", "equinox", "lineax", "optimistix")
 _LAPACK = b"lapack_"
+# JAX does not declare the settings that it makes.
+_CONFIG: Any = jax.config
 _folder: Path | None = None
 
 
@@ -73,7 +75,7 @@ class _ProgramRequest(NamedTuple):
         """The same between runs; None where an argument's words do not give its value, and on
         other devices than the processor, where nobody has tried it.
         """
-        if jax.default_backend() != "cpu" or _config().jax_default_device is not None:
+        if jax.default_backend() != "cpu" or _CONFIG.jax_default_device is not None:
             return None
         if not all(_plain(value) for _, value in self.fixed):
             return None
@@ -188,7 +190,7 @@ class Program(Generic[Result]):
         arguments = dict(bound.arguments)
         fixed = tuple((name, arguments.pop(name)) for name in self._fixed)
         leaves, structure = jax.tree.flatten(arguments)
-        return _ProgramRequest(fixed, structure, leaves, bool(_config().jax_enable_x64))
+        return _ProgramRequest(fixed, structure, leaves, bool(_CONFIG.jax_enable_x64))
 
     def _make(self, request: _ProgramRequest, *args: Any, **kwargs: Any) -> _Made:
         """A compiled program for arguments like these."""
@@ -292,7 +294,7 @@ def _words(value: Any) -> str:
 @functools.cache
 def _made_with() -> tuple[Any, ...]:
     """Dependencies of a traced program: versions, settings, the device, files of both packages."""
-    settings = _config().values
+    settings = _CONFIG.values
     return (
         [version(name) for name in _MAKERS],
         sorted((k, repr(v)) for k, v in settings.items() if k != "jax_compilation_cache_dir"),
@@ -320,10 +322,6 @@ def _read(path: Path) -> _Kept | None:
     except Exception:  # Not there, or written in part: it is traced again.
         return None
     return program if isinstance(program, _Kept) else None
-
-
-def _config() -> Any:
-    return jax.config
 
 
 @functools.cache
