@@ -98,8 +98,9 @@ class _Cells:
     blanks: bool = False
     percent: list[int] = field(default_factory=list)
 
-    def error(self, line: int, complaint: str) -> ValueError:
-        return self.source.error(complaint, line)
+    def error(self, complaint: str, line: int | None = None) -> ValueError:
+        """Error that says what is wrong, on which line; by default that of the titles."""
+        return self.source.error(complaint, self.header_line if line is None else line)
 
     def split(self, line: int, text: str) -> list[str]:
         """Cells of a line, with the blanks around them where that is sooner."""
@@ -121,7 +122,7 @@ class _Cells:
             hint = "; if commas are decimal points, separate the cells by semicolons or tabs"
             first = "header" if self.titles else "first row"
             raise self.error(
-                line, f"{words} where the {first} has {width}{hint if decimal else ''}"
+                f"{words} where the {first} has {width}{hint if decimal else ''}", line
             )
         return row
 
@@ -208,7 +209,6 @@ def _check_percent(cells: _Cells, columns: Sequence[int], values: Rows) -> None:
         most = np.fmax.reduce(sample)
         if name and meaning(name).scale is None and most <= 1.0:
             raise cells.error(
-                cells.header_line,
                 f"other titles state percent; {name!r} states nothing and is {most:g} at most: "
                 "write % in all titles, and all values in percent",
             )
@@ -355,7 +355,6 @@ def _run_below(cells: _Cells, titles: list[float], grid: int | None) -> bool:
     )
     if even == even_titles:
         raise cells.error(
-            cells.header_line,
             f"the titles {', '.join(cells.header[at + 1 : at + 4])} and the column below "
             f"{cells.header[at]!r} may both be wavelengths; call samples by words, such as "
             f"'paint {cells.header[at + 1]}', or the column of their names Name",
@@ -371,7 +370,6 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
         return False
     if len(numeric) == len(titles) and cells.number(cells.header[0]) is not None:
         raise cells.error(
-            cells.header_line,
             f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}",
         )
     below = (
@@ -422,7 +420,7 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         raise cells.source.error(wrong, cells.header_line or None)
     grid = next(iter([*titled, *runs]), 0)
     if _NO_WAVELENGTH.search(cells.header[grid]):
-        raise cells.error(cells.header_line, _no_wavelength(cells.header[grid]))
+        raise cells.error(_no_wavelength(cells.header[grid]))
     right = [i for i in range(grid + 1, width) if i not in barred and (not numbers or numbers[i])]
     again = [i for i in right if i in titled and _holds_wavelengths(cells, numbers, grid, i)]
     further = [i for i in right if i in again or (i in runs and numbers[i] == numbers[grid])]
@@ -431,7 +429,7 @@ def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
         further = again
     columns = sorted({*right}.difference(further))
     if not columns:
-        raise cells.error(cells.header_line, "no column of numbers but the wavelengths")
+        raise cells.error("no column of numbers but the wavelengths")
     grids = [grid, *further]
     left = sorted({*range(width)}.difference(grids, columns))
     before = [i for i in left if i < grid and i not in barred and numbers and numbers[i]]
@@ -487,9 +485,7 @@ def _reflectances(cells: _Cells, columns: list[int]) -> tuple[list[int], str]:
         cells.source.notes.append(shorten(f"taken as reflectance: {taken}; left out: {left}"))
     scales = {meaning(cells.header[i]).scale for i in kept} - {None}
     if len(scales) > 1:
-        raise cells.error(
-            cells.header_line, "percent and fraction are mixed in the titles; bring all to one unit"
-        )
+        raise cells.error("percent and fraction are mixed in the titles; bring all to one unit")
     title = next(filter(has_meaning, (cells.header[i] for i in kept)), "")
     return kept, title or (f"{cells.header[kept[0]]} (counts)" if best == "counts" else "")
 
@@ -554,7 +550,7 @@ def _value(
         if not (cell or wavelength):
             problem = "the cell is empty; fill it, or leave its wavelength or sample out"
         sample = "" if wavelength else f"sample {name!r}, "
-        raise cells.error(line, f"{sample}column {column!r}: {problem}")
+        raise cells.error(f"{sample}column {column!r}: {problem}", line)
     if cell.endswith("%"):
         cells.percent.append(line)
     return value
@@ -601,7 +597,7 @@ def _read_rows(
         for i, column in zip(texts, columns, strict=True):
             word = row[i].strip()
             if not word and i == texts[0]:
-                raise cells.error(line, "a sample has no name")
+                raise cells.error("a sample has no name", line)
             # The same name need not be held again.
             column.append(column[-1] if lines and column[-1] == word else word)
         # Python reads 1_0 and other scripts' digits, which no instrument writes.
@@ -627,7 +623,7 @@ def _read_rows(
         lines.append(line)
         if len(values) > _MAX_VALUES or len(lines) > most:
             raise cells.error(
-                line, f"more than {most} samples or {_MAX_VALUES} values so far; split the table"
+                f"more than {most} samples or {_MAX_VALUES} values so far; split the table", line
             )
     table = np.frombuffer(values).reshape(-1, len(numbers))
     if cells.percent:
@@ -661,14 +657,13 @@ def _read_wide(cells: _Cells, attributes: dict[str, list[str]]) -> tuple[list[st
         elif i and not title:
             notes.append(f"column {i + 1} has no title and is left out")
         elif i and title[0].isdigit():
-            raise cells.error(cells.header_line, f"column {title!r} is not a wavelength in nm")
+            raise cells.error(f"column {title!r} is not a wavelength in nm")
         else:
             others.append(i)
     one, *more = bands.items()
     for specular, at in more:
         if list(at.values()) != list(one[1].values()):
             raise cells.error(
-                cells.header_line,
                 f"bands of {specular or 'no name'} are others than those of {one[0] or 'no name'}; "
                 "export both at the same wavelengths",
             )
@@ -760,10 +755,10 @@ def _to_text(cells: _Cells, grid: int) -> Iterator[NumberedLine]:
 def _check_name(cells: _Cells, line: int, name: str, line_of: dict[str, int]) -> None:
     """Refuse a sample without a name, or with one of those before, whose lines are kept."""
     if not name:
-        raise cells.error(line, "a sample has no name")
+        raise cells.error("a sample has no name", line)
     if name in line_of:
         raise cells.error(
-            line, f"sample {name!r} is already on line {line_of[name]}; names must differ"
+            f"sample {name!r} is already on line {line_of[name]}; names must differ", line
         )
     line_of[name] = line
 
@@ -799,7 +794,7 @@ def _read_triples(
     row, band = divmod(int(cell[again.min()]) if again.size else gap, grid.size)
     if again.size:
         raise cells.error(
-            lines[again.min()], f"sample {names[row]!r} has a value at {grid[band]:g} nm already"
+            f"sample {names[row]!r} has a value at {grid[band]:g} nm already", lines[again.min()]
         )
     if row < len(names):
         raise cells.source.error(
