@@ -34,7 +34,7 @@ from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import einsum, matmul, solve_positive, transpose
 from ..common.split import Split
-from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
+from ..common.stack_arrays import StackArrays
 from .panels import (
     PanelMesh,
     Panels,
@@ -377,14 +377,6 @@ def _solve(matrix: Array, b: Array) -> Array:
     return jax.lax.custom_linear_solve(product, b, solve, solve_transposed)
 
 
-def _value(system: CollocatedSystem, solution: Array) -> Array:
-    # What the mesh makes of light scattered once is replaced by its exact value.
-    scattered = jnp.sum(system.beam * solution, axis=-1)
-    return system.factor * (
-        system.ground_direct + scattered + system.single - system.single_interpolated
-    )
-
-
 def reflectance_on(panels: Panels, light: StackArrays) -> Array:
     """Reflectance factor, or hemispherical reflectance where there is no viewing direction,
     (batch,).
@@ -392,7 +384,12 @@ def reflectance_on(panels: Panels, light: StackArrays) -> Array:
     Only the ground, the index and the cosines of ``light`` count; the panels hold the layers.
     """
     system = _system(panels, light)
-    return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
+    solution = _solve(system.matrix, system.exit + system.ground_seen)
+    scattered = jnp.sum(system.beam * solution, axis=-1)
+    # What the mesh makes of light scattered once is replaced by its exact value.
+    return system.factor * (
+        system.ground_direct + scattered + system.single - system.single_interpolated
+    )
 
 
 def reflectance(stack: StackArrays, mesh: PanelMesh) -> Array:
@@ -413,34 +410,3 @@ def split(stack: StackArrays, mesh: PanelMesh) -> Split:
         single=system.factor * system.single,
         multiple=system.factor * (scattered - system.single_interpolated),
     )
-
-
-def reflectance_and_gradient(
-    stack: StackArrays, mesh: PanelMesh, leaf_names: LeafNames
-) -> ValueAndGradient:
-    """Reflectance and its derivative by the wanted leaves of each stack.
-
-    With psi the solution and lambda that of the transposed equation for the beam's weights v, the
-    derivative of v.psi is that of v.psi + lambda.(b - B psi) with both held.
-
-    Args:
-        stack: batch of stacks.
-        mesh: static.
-        leaf_names: names of the leaves to differentiate by, static.
-
-    Returns:
-        (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
-    """
-    system = _system(_stack_panels(stack, mesh), stack)
-    forward = _solve(system.matrix, system.exit + system.ground_seen)
-    backward = _solve(transpose(system.matrix), system.beam)
-
-    # Stationary in both solutions, so that neither has to be differentiated.
-    def stationary(leaves: dict[str, Array]) -> Array:
-        shifted = stack._replace(**leaves)
-        s = _system(_stack_panels(shifted, mesh), shifted)
-        residual = s.exit + s.ground_seen - einsum("bij,bj->bi", s.matrix, forward)
-        return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
-
-    value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in leaf_names})
-    return value, pull_back(jnp.ones_like(value))[0]

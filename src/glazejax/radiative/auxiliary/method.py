@@ -5,9 +5,9 @@ from jaxtyping import Array
 
 from ..common.inputs import concrete
 from ..common.rounding import Rounding
-from ..common.solver import Request
+from ..common.solver import Request, Solver
 from ..common.split import Split
-from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
+from ..common.stack_arrays import StackArrays
 from . import graded
 from .panels import PanelMesh
 
@@ -15,13 +15,11 @@ from .panels import PanelMesh
 _CHUNK_BYTES = 2**24
 
 
-class Auxiliary:
+class Auxiliary(Solver):
     """Shares no approximation with the default method; see `auxiliary.graded`."""
 
     finest: float = 1e-8
     rounding: Rounding | None = Rounding(per_depth=1e-7, deepest=4e4)
-    slopes_at_index_one: bool = False
-    splits: bool = True
 
     def resolve(self, request: Request) -> tuple[PanelMesh, int]:
         """Mesh, and how many stacks go through at a time."""
@@ -35,12 +33,6 @@ class Auxiliary:
     def reflectance(self, stack: StackArrays, resolution: PanelMesh) -> Array:
         """Either reflectance of each stack, (batch,)."""
         return graded.reflectance(stack, resolution)
-
-    def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: PanelMesh, leaf_names: LeafNames
-    ) -> ValueAndGradient:
-        """Reflectance and its derivatives from the solution of the transposed equation."""
-        return graded.reflectance_and_gradient(stack, resolution, leaf_names)
 
     def split(self, stack: StackArrays, resolution: PanelMesh) -> Split:
         """Reflectance by what the light did last."""

@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple, Protocol
 
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from .chunks import chunk_bytes
@@ -49,25 +51,14 @@ class Solver(Protocol):
     compiled, and take a batch of stacks at the resolution that it gave.
     """
 
-    @property
-    def finest(self) -> float:
-        """Smallest tolerance that is met in double precision."""
-        ...
-
-    @property
-    def rounding(self) -> Rounding | None:
-        """Growth of single precision's errors with depth; None where they do not."""
-        ...
-
-    @property
-    def slopes_at_index_one(self) -> bool:
-        """True if slopes by the index hold at an index of one."""
-        ...
-
-    @property
-    def splits(self) -> bool:
-        """True if `split` can be asked for."""
-        ...
+    finest: float
+    """Smallest tolerance that is met in double precision."""
+    rounding: Rounding | None
+    """Growth of single precision's errors with depth; None where they do not."""
+    slopes_at_index_one: bool = False
+    """True if slopes by the index hold at an index of one."""
+    splits: bool = True
+    """True if `split` can be asked for."""
 
     def resolve(self, request: Request) -> tuple[Any, int]:
         """The method's own resolution, static, and how many stacks go through at a time."""
@@ -80,9 +71,17 @@ class Solver(Protocol):
     def reflectance_and_gradient(
         self, stack: StackArrays, resolution: Any, leaf_names: LeafNames
     ) -> ValueAndGradient:
-        """Reflectance and, by name, its derivative by the wanted leaves in their shapes."""
-        ...
+        """Reflectance and, by name, its derivative by the wanted leaves in their shapes; by reverse
+        differentiation where a method has nothing better.
+        """
+
+        def value(leaves: dict[str, Array]) -> Array:
+            return self.reflectance(stack._replace(**leaves), resolution)
+
+        leaves = {name: getattr(stack, name) for name in leaf_names}
+        factor, back = jax.vjp(value, leaves)
+        return factor, back(jnp.ones_like(factor))[0]
 
     def split(self, stack: StackArrays, resolution: Any) -> Split:
         """Reflectance by what the light did last, each (batch,)."""
-        ...
+        raise NotImplementedError("this method does not keep the parts of the reflectance apart")

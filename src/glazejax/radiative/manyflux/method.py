@@ -16,9 +16,8 @@ from jaxtyping import Array
 from ..common.directions import resolve
 from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
-from ..common.solver import Request
-from ..common.split import Split
-from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
+from ..common.solver import Request, Solver
+from ..common.stack_arrays import StackArrays
 
 if TYPE_CHECKING:
     from .effort import FluxEffort
@@ -36,12 +35,11 @@ ROUNDING: dict[str, Rounding] = {
 """By the solution of `manyflux.effort.Solution`."""
 
 
-class ManyFlux:
+class ManyFlux(Solver):
     """Layer operators by doubling; see `manyflux.solve`."""
 
     finest: float = 1e-10
     rounding: Rounding | None = ROUNDING["doubling"]
-    slopes_at_index_one: bool = False
     splits: bool = False
 
     def resolve(self, request: Request) -> tuple[FluxEffort, int]:
@@ -95,18 +93,3 @@ class ManyFlux:
 
         index_axis = 0 if isinstance(stack.refractive_index, jax.Array) else None
         return jax.vmap(one, in_axes=(0, 0, 0, index_axis, 0, 0))(*stack)
-
-    def reflectance_and_gradient(
-        self, stack: StackArrays, resolution: FluxEffort, leaf_names: LeafNames
-    ) -> ValueAndGradient:
-        """Reflectance and its derivatives by reverse differentiation."""
-
-        def value(leaves: dict[str, Array]) -> Array:
-            return self.reflectance(stack._replace(**leaves), resolution)
-
-        factor, back = jax.vjp(value, {name: getattr(stack, name) for name in leaf_names})
-        return factor, back(jnp.ones_like(factor))[0]
-
-    def split(self, stack: StackArrays, resolution: FluxEffort) -> Split:
-        """There is none: the parts are not kept apart. `splits` says so."""
-        raise NotImplementedError("the many-flux solver does not split the reflectance")

@@ -5,7 +5,7 @@ from jaxtyping import Array
 from ..common.directions import Resolution, resolve
 from ..common.inputs import smallest_cosine
 from ..common.rounding import Rounding
-from ..common.solver import Request
+from ..common.solver import Request, Solver
 from ..common.split import Split
 from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from . import sensitivity, solver
@@ -21,13 +21,12 @@ _SPECTRUM = 128
 _LEAST_CHUNK = 16
 
 
-class Ordinates:
+class Ordinates(Solver):
     """The default method; see `ordinates.solver`."""
 
     finest: float = 1e-10
     rounding: Rounding | None = None
     slopes_at_index_one: bool = True
-    splits: bool = True
 
     def resolve(self, request: Request) -> tuple[Resolution, int]:
         """Directions, and how many stacks go through at a time."""
