@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ..programs import Program
@@ -37,7 +36,7 @@ from .common.inputs import (
 from .common.rounding import FINEST_SINGLE, warn_of_rounding, warn_user
 from .common.solver import Request, Solver
 from .common.split import Split
-from .common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
+from .common.stack_arrays import LeafNames, StackArrays, ValueAndGradient, with_its_gradient
 from .manyflux.method import ManyFlux
 from .ordinates.method import Ordinates
 
@@ -438,9 +437,10 @@ def _run_split(stack: StackArrays, settings: _StackSettings) -> Split:
     return in_chunks(one, stack, settings.chunk)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _reflectance(stack: StackArrays, settings: _StackSettings) -> Array:
-    return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
+@with_its_gradient
+def _reflectance(stack: StackArrays, settings: _StackSettings, leaf_names: LeafNames | None) -> Any:
+    """By the stationary form: the gradient of each stack comes with its value, chunk by chunk."""
+    return on_all_cores(_some_stacks, stack, settings, leaf_names, least=_MANY)
 
 
 def _some_stacks(stack: StackArrays, settings: _StackSettings, leaf_names: LeafNames | None) -> Any:
@@ -453,31 +453,6 @@ def _some_stacks(stack: StackArrays, settings: _StackSettings, leaf_names: LeafN
         return _with_gradient(indexed, settings, leaf_names)
 
     return in_chunks(one, stack, settings.chunk)
-
-
-def _reflectance_jvp(settings: _StackSettings, primals, tangents):
-    """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by
-    chunk.
-
-    Only what is differentiated by is computed, and nothing but the gradient itself is kept for a
-    reverse pass.
-    """
-    (stack,), (d_stack,) = primals, tangents
-    changes = {
-        name: leaf
-        for name, leaf in d_stack._asdict().items()
-        if not isinstance(leaf, SymbolicZero | type(None))
-    }
-    value, gradient = on_all_cores(_some_stacks, stack, settings, tuple(changes), least=_MANY)
-    # A stack's value depends on its own numbers alone: slopes times changes, summed by stack.
-    tangent = jnp.zeros_like(value)
-    for name, change in changes.items():
-        product = gradient[name] * change
-        tangent += jnp.sum(product, axis=tuple(range(value.ndim, product.ndim)))
-    return value, tangent
-
-
-_reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(

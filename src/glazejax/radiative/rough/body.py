@@ -14,15 +14,13 @@ and what comes out towards a direction F is again stationary: n^2 R = load_F . s
 import functools
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from ..common.chunks import in_chunks
 from ..common.quadrature import Directions
-from ..common.stack_arrays import LeafNames
+from ..common.stack_arrays import LeafNames, with_its_gradient
 from ..ordinates.layers import Beams, two_ports
 from ..ordinates.modes import layer_modes
 from ..ordinates.sensitivity import gradient_of_layers
@@ -82,19 +80,11 @@ def _solver_of_surface(surface: Surface) -> _Fixed:
     return _Fixed(2.0 * tau @ inverse / root, impedance, 2.0 * tau @ inverse @ tau)
 
 
-def reflectance(lit: Lit, surface: Surface) -> Array:
+@with_its_gradient
+def reflectance(lit: Lit, surface: Surface, leaf_names: LeafNames | None) -> Any:
     """n^2 times the reflectance of each stack, (batch,); see the module, and `ports` for light from
-    the ground.
+    the ground. What starts on the ground is always a constant.
     """
-    return _reflectance(lit, surface)
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _reflectance(lit: Lit, surface: Surface) -> Array:
-    return _in_chunks(lit, surface, None)
-
-
-def _in_chunks(lit: Lit, surface: Surface, leaf_names: LeafNames | None) -> Any:
     layers = lit.albedo.shape[1]
     nodes = surface.size.upper + surface.size.lower
     return in_chunks(
@@ -186,21 +176,3 @@ def _gradient(
         answer -= jnp.matmul(lit.enters, direct, precision="highest")
         gradient["enters"] = answer[:, ::-1]
     return gradient
-
-
-def _reflectance_jvp(surface: Surface, primals, tangents):
-    """By the stationary form, as of the smooth surface's solver: see `glazejax.radiative.stack`."""
-    (lit,), (change,) = primals, tangents
-    changes = {
-        name: leaf for name, leaf in change._asdict().items() if not isinstance(leaf, SymbolicZero)
-    }
-    changes.pop("from_ground", None)  # always a constant
-    value, gradient = _in_chunks(lit, surface, tuple(changes))
-    tangent = jnp.zeros_like(value)
-    for name, leaf in changes.items():
-        product = gradient[name] * leaf
-        tangent += jnp.sum(product, axis=tuple(range(value.ndim, product.ndim)))
-    return value, tangent
-
-
-_reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
