@@ -18,7 +18,7 @@ from ..common.split import Split
 from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
 from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
 from .modes import turning
-from .solver import SolvedFields, System, assemble, order, solve, upright
+from .solver import SolvedFields, System, assemble, order, solve
 
 
 def reflectance_and_gradient(
@@ -124,12 +124,12 @@ def _onset(stack: StackArrays, system: System, solution: SolvedFields) -> Array:
     # The first layer that is not empty, or the ground, shines as its source does.
     filled = stack.optical_thickness > 0
     first = jnp.take_along_axis(stack.albedo, jnp.argmax(filled, axis=1)[:, None], axis=1)[:, 0]
-    mu, weights, _ = upright(system.directions, stack.albedo.dtype)
-    scattered = jnp.sum(jnp.sqrt(weights) / mu * solution.at_interface, axis=-2)
+    ends = system.ends
+    scattered = jnp.sum(ends.ground_vector * ends.ground_diagonal * solution.at_interface, axis=-2)
     beams = jnp.array([1.0, 1.0 if stack.cos_viewing is not None else 0.0], scattered.dtype)
     from_layer = 0.5 * first * (scattered + beams[:, None])
-    lit = _diffuse_on_ground(system, solution) + system.ends.ground_light
-    from_ground = 0.5 * system.ends.ground_factor * lit
+    lit = _diffuse_on_ground(system, solution) + ends.ground_light
+    from_ground = 0.5 * ends.ground_factor * lit
     light, view = jnp.where(jnp.any(filled, axis=1), from_layer, from_ground)
     escape = 1.0 if stack.cos_viewing is None else 0.0
     return _ONSET * light * (2.0 * view - escape)
@@ -212,16 +212,20 @@ def split(stack: StackArrays, resolution: Resolution) -> Split:
         ground = ends.ground_factor * lit * ends.ground_light[1] / system.divisor
         return Split(ground, single, value - ground - single)
     # Every exit direction: the radiances at the surface, weighted with what passes it.
-    mu, weights, r = upright(system.directions, value.dtype)
+    decay = ends.ground_diagonal
+    # (1 - R)/(1 + R), and with it 1 - R.
+    admitted = ends.interface / decay
+    transmittance = 2.0 * admitted / (1.0 + admitted)
     top_down = order(system.thickness.shape[0]).back
     thickness = system.thickness[top_down][:, None]
     depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])
     # From the ground straight out, through all layers.
-    passing = weights * mu * (1.0 - r)
+    passing = ends.ground_vector**2 / decay * transmittance
     up = 0.5 * ends.ground_factor * lit
-    ground = up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=0) / system.divisor
+    ground = up * jnp.sum(passing * jnp.exp(-depth[-1] * decay), axis=0) / system.divisor
     # What one scattering sends up, seen through the layers above it.
-    visible = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0] + 1.0 / mu, thickness)
+    visible = jnp.exp(-depth[:-1] * decay) * decay
+    visible *= decay_integral(beams.decay[0] + decay, thickness)
     source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
     single = jnp.sum(source[:, None] * visible * passing, axis=(0, 1)) / system.divisor
     return Split(ground, single, value - ground - single)

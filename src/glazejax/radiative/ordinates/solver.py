@@ -78,7 +78,6 @@ class System(NamedTuple):
     ends: Ends
     divisor: Array
     """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
-    directions: Directions
 
 
 class Order(NamedTuple):
@@ -119,7 +118,9 @@ def assemble(stack: StackArrays, resolution: Resolution | Directions) -> System:
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     beams = _beams(stack, layers)
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
-    mu, weights, r = upright(directions, albedo.dtype)
+    # As columns, (n, 1) or (n, batch).
+    columns = (a[:, None] if a.ndim == 1 else a for a in directions)
+    mu, weights, r = (jnp.asarray(a, albedo.dtype) for a in columns)
     light = beams.at_ground / beams.decay
     root = jnp.sqrt(weights)
     if stack.cos_viewing is None:
@@ -152,15 +153,7 @@ def assemble(stack: StackArrays, resolution: Resolution | Directions) -> System:
         ports=ports,
         ends=ends,
         divisor=divisor,
-        directions=directions,
     )
-
-
-def upright(directions: Directions, dtype: Any) -> tuple[Array, Array, Array]:
-    """Cosines, weights and the surface's reflectance as columns, (n, 1) or (n, batch)."""
-    columns = [a[:, None] if a.ndim == 1 else a for a in directions]
-    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in columns)
-    return mu, weights, reflectance
 
 
 def _beams(stack: StackArrays, layers: np.ndarray) -> Beams:

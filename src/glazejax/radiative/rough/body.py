@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Array
 
 from ..common.chunks import in_chunks
-from ..common.quadrature import Directions
+from ..common.linalg import matmul
 from ..common.stack_arrays import LeafNames, with_its_gradient
 from ..ordinates.layers import Beams, two_ports
 from ..ordinates.modes import layer_modes
 from ..ordinates.sensitivity import gradient_of_layers
-from ..ordinates.solver import Ends, SolvedFields, System, order, solve
+from ..ordinates.solver import Ends, System, order, solve
 from .basis import Size
 from .operators import Operators, operators
 
@@ -99,15 +99,25 @@ def _solve(lit: Lit, surface: Surface, leaf_names: LeafNames | None) -> Any:
     fixed = _solver_of_surface(surface)
     direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
     system = _assemble(lit, surface, fixed)
-    first = lit.enters[:, 0]
-    second = lit.enters[:, 1]
     value, solution = solve(system, with_fields=leaf_names is not None)
     # The term without sigma: - 2 tau_F . (I + P)^-1 tau_I.
-    value -= jnp.sum(jnp.matmul(first, direct, precision="highest") * second, axis=-1)
+    through_surface = matmul(lit.enters, direct)
+    value -= jnp.sum(through_surface[:, 0] * lit.enters[:, 1], axis=-1)
     if leaf_names is None:
         return value
     assert solution is not None
-    return value, _gradient(lit, system, solution, admits, direct, leaf_names)
+    # Light that starts on the ground does not come from above: no layer dims it as it does a beam.
+    unlit = system._replace(
+        ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light))
+    )
+    gradient = gradient_of_layers(unlit, solution, lit.ground, leaf_names)
+    if "ground" in leaf_names:
+        gradient |= gradient_of_layers(system, solution, lit.ground, ("ground",))
+    if "enters" in leaf_names:
+        # By what enters of the light, the view's field answers, and the reverse.
+        answer = matmul(jnp.moveaxis(solution.at_interface, -1, 0), admits.T) - through_surface
+        gradient["enters"] = answer[:, ::-1]
+    return value, gradient
 
 
 def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
@@ -128,7 +138,7 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     )
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
     # The surface drives the top layer, and couples its directions.
-    load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
+    load = matmul(lit.enters, jnp.asarray(fixed.admits, dtype))
     ends = Ends(
         interface=jnp.zeros((mu.size, 1), dtype),
         interface_load=jnp.moveaxis(load, 0, -1),
@@ -138,7 +148,6 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
         ground_light=lit.from_ground.T,
         coupled=jnp.asarray(fixed.impedance, dtype),
     )
-    directions = Directions(mu, weights, np.zeros_like(mu))
     return System(
         albedo=albedo,
         thickness=thickness,
@@ -147,32 +156,4 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
         ports=ports,
         ends=ends,
         divisor=jnp.ones(batch, dtype),
-        directions=directions,
     )
-
-
-def _gradient(
-    lit: Lit,
-    system: System,
-    solution: SolvedFields,
-    admits: Array,
-    direct: Array,
-    leaf_names: LeafNames,
-) -> dict[str, Array]:
-    gradient = gradient_of_layers(
-        system, solution, lit.ground, tuple(n for n in leaf_names if n == "ground")
-    )
-    # Light that starts on the ground does not come from above: no layer dims it as it does a beam.
-    unlit = system._replace(
-        ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light))
-    )
-    of_layers = tuple(n for n in leaf_names if n in ("albedo", "optical_thickness"))
-    gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
-    if "enters" in leaf_names:
-        # By what enters of the light, the view's field answers, and the reverse.
-        answer = jnp.matmul(
-            jnp.moveaxis(solution.at_interface, -1, 0), admits.T, precision="highest"
-        )
-        answer -= jnp.matmul(lit.enters, direct, precision="highest")
-        gradient["enters"] = answer[:, ::-1]
-    return gradient
