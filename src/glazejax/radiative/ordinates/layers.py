@@ -17,14 +17,11 @@ Stacks lie side by side on the last axis.
 
 from typing import NamedTuple, TypeAlias
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
 from ..common.kernels import fading, quotient, tanh_sech, two_decays
-from ..common.side_by_side import product
-from .modes import LayerModes
 
 Facing: TypeAlias = Bool[np.ndarray, "l"]
 """Whether each layer is mirrored: its near face is its bottom."""
@@ -171,79 +168,12 @@ def load_work(ports: LayerPorts, fields: Fields) -> Array:
     )
 
 
-def stored_energy(ports: LayerPorts, fields: Fields) -> Array:
-    """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
-    # Of light and view: each term couples the field of one with that of the other.
-    (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
-    energy = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
-    return jnp.sum(energy - f0 * u1 - f1 * u0, axis=-2)
-
-
-def by_albedo(
-    albedo: Array,
-    modes: LayerModes,
-    turning: Array,
-    thickness: Array,
-    beams: Beams,
-    mirrored: Facing,
-    fields: Fields,
-) -> Array:
-    """Derivative of b_F.x_I + x_F.b_I - x_F.K x_I + G by each layer's albedo at given fields,
+def layer_energy(ports: LayerPorts, fields: Fields) -> Array:
+    """b_F.x_I + x_F.b_I - x_F.K x_I + G of every layer, its far face's continuity included,
     (layers, batch).
     """
-
-    def work(q, lam, coupling, near, far):
-        ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
-        solved = Fields(near, far, fields.flux)
-        return (
-            jnp.sum(load_work(ports, solved), axis=1) - stored_energy(ports, solved) + ports.direct
-        )
-
-    # As the albedo grows the modes turn: coupling and sigma, which is held in directions, with
-    # them.
-    rows = product(
-        jnp.concatenate([modes.coupling[:, None], fields.near, fields.far], axis=1), turning
-    )
-    point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
-    # d lambda/dq = -zeta^2; f is held in modes.
-    change = (
-        jnp.ones_like(albedo),
-        -(modes.coupling**2),
-        rows[:, 0],
-        rows[:, 1:3],
-        rows[:, 3:],
-    )
-    return jax.jvp(work, point, change)[1]
-
-
-def by_thickness(
-    albedo: Array,
-    modes: LayerModes,
-    ports: LayerPorts,
-    beams: Beams,
-    mirrored: Facing,
-    thickness: Array,
-    fields: Fields,
-) -> Array:
-    """Addition by a thin slab of the layer's own medium at its far face, per thickness, (layers,
-    batch).
-
-    The dimming of what lies below the slab is not in it.
-    """
-    # Beams at the slab: at the layer's bottom, or, if it is mirrored, at its top.
-    below = beams.survival * jnp.where(
-        mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness)
-    )
-    # With one beam only the field of the light is driven by one; that of the view is diffuse
-    # everywhere.
-    driven = jnp.pad(ports.far, [(0, 0), (0, 2 - ports.far.shape[1]), (0, 0), (0, 0)])
-    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in (fields.far, fields.flux + driven))
-    # z . sigma is all light that meets a scatterer there, of light and of view.
-    first = jnp.sum(modes.coupling * u0, axis=-2)
-    second = jnp.sum(modes.coupling * u1, axis=-2)
-    # Scattered from the beam to the view's field, from the light's field to the viewing beam, and
-    # from one beam to the other.
-    lit = below[0] * second + (
-        below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0
-    )
-    return albedo * lit - jnp.sum(modes.decay_squared * u0 * u1 - f0 * f1, axis=-2)
+    # Of light and view: each term couples the field of one with that of the other.
+    (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in fields)
+    stored = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
+    stored = jnp.sum(stored - f0 * u1 - f1 * u0, axis=-2)
+    return jnp.sum(load_work(ports, fields), axis=1) - stored + ports.direct

@@ -16,9 +16,9 @@ from ..common.kernels import decay_integral
 from ..common.side_by_side import product, transpose
 from ..common.split import Split
 from ..common.stack_arrays import LeafNames, StackArrays, ValueAndGradient
-from .layers import Fields, by_albedo, by_thickness, load_work, stored_energy
+from .layers import Fields, layer_energy, load_work, two_ports
 from .modes import turning
-from .solver import SolvedFields, System, assemble, order, solve
+from .solver import SolvedFields, System, assemble, solve
 
 
 def reflectance_and_gradient(
@@ -68,20 +68,10 @@ def gradient_of_layers(
 
     It is that of the fields alone: how light comes in, and what the surface does, is held.
     """
-    _, mirrored, back = order(system.thickness.shape[0])
     gradient = {}
     if "albedo" in leaf_names:
-        turn = turning(system.modes)
-        slope = by_albedo(
-            albedo=system.albedo,
-            modes=system.modes,
-            turning=turn,
-            thickness=system.thickness,
-            beams=system.beams,
-            mirrored=mirrored,
-            fields=solution.fields,
-        )
-        gradient["albedo"] = (slope / system.divisor)[back].T
+        slope = _by_albedo(system, solution.fields)
+        gradient["albedo"] = (slope / system.divisor)[system.order.back].T
     if "optical_thickness" in leaf_names:
         gradient["optical_thickness"] = (_by_thickness(system, solution) / system.divisor).T
     if "ground" in leaf_names:
@@ -140,18 +130,63 @@ def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
     return jnp.sum(system.ends.ground_vector * solution.at_ground, axis=-2)
 
 
+def _by_albedo(system: System, fields: Fields) -> Array:
+    """By each layer's albedo, in the system's order, (layers, batch), but for the factor C."""
+    modes = system.modes
+    mirrored = system.order.mirrored
+
+    def energy(q, lam, coupling, near, far):
+        ports = two_ports(q, lam, coupling, system.thickness, system.beams, mirrored)
+        return layer_energy(ports, Fields(near, far, fields.flux))
+
+    # As the albedo grows the modes turn: coupling and sigma, which is held in directions, with
+    # them.
+    rows = product(
+        jnp.concatenate([modes.coupling[:, None], fields.near, fields.far], axis=1), turning(modes)
+    )
+    point = (system.albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
+    # d lambda/dq = -zeta^2; f is held in modes.
+    change = (
+        jnp.ones_like(system.albedo),
+        -(modes.coupling**2),
+        rows[:, 0],
+        rows[:, 1:3],
+        rows[:, 3:],
+    )
+    return jax.jvp(energy, point, change)[1]
+
+
+def _slab(system: System, fields: Fields) -> Array:
+    """Addition by a thin slab of a layer's own medium at its far face, per thickness, in the
+    system's order, (layers, batch), but for the factor C.
+
+    The dimming of what lies below the slab is not in it.
+    """
+    beams = system.beams
+    ports = system.ports
+    mirrored = system.order.mirrored
+    # Beams at the slab: at the layer's bottom, or, if it is mirrored, at its top.
+    below = beams.survival * jnp.where(
+        mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * system.thickness)
+    )
+    # With one beam only the field of the light is driven by one; that of the view is diffuse
+    # everywhere.
+    driven = jnp.pad(ports.far, [(0, 0), (0, 2 - ports.far.shape[1]), (0, 0), (0, 0)])
+    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 1, 0) for field in (fields.far, fields.flux + driven))
+    # z . sigma is all light that meets a scatterer there, of light and of view.
+    first = jnp.sum(system.modes.coupling * u0, axis=-2)
+    second = jnp.sum(system.modes.coupling * u1, axis=-2)
+    # Scattered from the beam to the view's field, from the light's field to the viewing beam, and
+    # from one beam to the other.
+    lit = below[0] * second + (
+        below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0
+    )
+    return system.albedo * lit - jnp.sum(system.modes.decay_squared * u0 * u1 - f0 * f1, axis=-2)
+
+
 def _by_thickness(system: System, solution: SolvedFields) -> Array:
     """By each layer's thickness, top layer first, (layers, batch), but for the factor C."""
-    _, mirrored, back = order(system.thickness.shape[0])
-    slab = by_thickness(
-        system.albedo,
-        modes=system.modes,
-        ports=system.ports,
-        beams=system.beams,
-        mirrored=mirrored,
-        thickness=system.thickness,
-        fields=solution.fields,
-    )
+    _, mirrored, back = system.order
     # A slab at a layer's far face dims the beams for all that lies below it.
     decay = system.beams.decay
     beams = decay.shape[0]
@@ -167,7 +202,8 @@ def _by_thickness(system: System, solution: SolvedFields) -> Array:
     # Each layer's slab counts with all that is dimmed below it.
     from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
     upside_down = mirrored[back][:, None]
-    return slab[back] - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
+    slab = _slab(system, solution.fields)[back]
+    return slab - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
 
 
 def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array:
@@ -182,11 +218,7 @@ def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array
     )
     fields = Fields(near, far, solution.fields.flux)
     # The layers' part, at fields that their own modes need not solve.
-    energy = (
-        jnp.sum(load_work(system.ports, fields), axis=1)
-        - stored_energy(system.ports, fields)
-        + system.ports.direct
-    )
+    energy = layer_energy(system.ports, fields)
     ends = system.ends
     top = solution.at_interface
     bottom = solution.at_ground
@@ -216,7 +248,7 @@ def split(stack: StackArrays, resolution: Resolution) -> Split:
     # (1 - R)/(1 + R), and with it 1 - R.
     admitted = ends.interface / decay
     transmittance = 2.0 * admitted / (1.0 + admitted)
-    top_down = order(system.thickness.shape[0]).back
+    top_down = system.order.back
     thickness = system.thickness[top_down][:, None]
     depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])
     # From the ground straight out, through all layers.

@@ -65,21 +65,6 @@ class Ends(NamedTuple):
     """(n, n): added to the diagonal `interface` where the surface is rough"""
 
 
-class System(NamedTuple):
-    """The ingredients of R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I]. Layers in the order
-    of `order`.
-    """
-
-    albedo: Array  # (layers, batch)
-    thickness: Array  # (layers, batch)
-    modes: LayerModes  # (layers, batch, ...)
-    beams: Beams
-    ports: LayerPorts
-    ends: Ends
-    divisor: Array
-    """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
-
-
 class Order(NamedTuple):
     """From both ends inwards: bottom, top, last but one, second, ...; the middle one of an odd
     number last.
@@ -100,6 +85,26 @@ def order(count: int) -> Order:
     return Order(
         layers, np.array([False, True] * (count // 2) + [False] * (count % 2)), np.argsort(layers)
     )
+
+
+class System(NamedTuple):
+    """The ingredients of R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I]. Layers in the order
+    of `order`.
+    """
+
+    albedo: Array  # (layers, batch)
+    thickness: Array  # (layers, batch)
+    modes: LayerModes  # (layers, batch, ...)
+    beams: Beams
+    ports: LayerPorts
+    ends: Ends
+    divisor: Array
+    """(batch,), 1/C. A division comes last: see `common.kernels.quotient`."""
+
+    @property
+    def order(self) -> Order:
+        """Order of the layers."""
+        return order(self.thickness.shape[0])
 
 
 @jax.named_scope("assemble")
