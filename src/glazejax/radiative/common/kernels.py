@@ -23,23 +23,7 @@ _SERIES_TANH = 0.02
 _LINEAR = 1e-20
 
 # phi'(x) = sum_k (-1)^(k+1) (k+1)/(k+2)! x^k
-_PHI_SLOPE = (
-    -1.0 / 2,
-    1.0 / 3,
-    -1.0 / 8,
-    1.0 / 30,
-    -1.0 / 144,
-    1.0 / 840,
-    -1.0 / 5760,
-    1.0 / 45360,
-    -1.0 / 403200,
-    1.0 / 3991680,
-    -1.0 / 43545600,
-    1.0 / 518918400,
-    -1.0 / 6706022400,
-    1.0 / 93405312000,
-    -1.0 / 1394852659200,
-)
+_PHI_SLOPE = tuple((-1.0) ** (k + 1) * (k + 1) / math.factorial(k + 2) for k in range(15))
 
 # d/dx tanh(sqrt x)/sqrt x, from the Bernoulli numbers.
 _TANHC_SLOPE = (
