@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from .inputs import Numbers, concrete
+from .inputs import Numbers, check_values, concrete
 
 _NEGLIGIBLE = 1e-12
 _MOST_TERMS = 2000
@@ -63,12 +63,7 @@ def two_term_henyey_greenstein(
     Raises:
         ValueError: a value out of range, or traced without ``terms``.
     """
-    numbers = concrete(share)
-    if numbers is not None and not np.all((numbers >= 0) & (numbers <= 1)):
-        raise ValueError(
-            f"share holds {np.extract((numbers < 0) | (numbers > 1), numbers)[0]}; it must be in "
-            "[0, 1]"
-        )
+    check_values({"share": share})
     terms = _terms({"forward": forward, "backward": backward}, terms)
     with _known_under_jit(forward, backward, share):
         weight = jnp.asarray(share, jnp.result_type(float))[..., None]
