@@ -6,7 +6,6 @@ the segment and over the directions. `decomposed_numbers` are the Q numbers of H
 that make the same matrix, exactly (section 4.1).
 """
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..common.exponential_integrals import cone_nodes, expn
+from ..common.fresnel import cos_refracted
 from ..common.linalg import einsum
 from ..common.quadrature import gauss
 
@@ -101,7 +101,7 @@ def direct(
         # U: by way of the surface, which reflects all beyond the critical angle, and some of the
         # cone.
         if refractive_index > 1.0:
-            critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
+            critical = float(cos_refracted(0.0, refractive_index))
             mu, weight = _grazing(critical, smallest, nodes)
             cone, w_cone, r = (jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, 6))
             mu = jnp.concatenate([mu, cone])
@@ -188,7 +188,7 @@ def _reflection_integrals(
     """
     if refractive_index == 1.0:
         return jnp.zeros((step.size, terms), step.dtype)
-    critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
+    critical = float(cos_refracted(0.0, refractive_index))
     depth = start + jnp.arange(terms, dtype=step.dtype) * step
     mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
     # On an even grid the exponentials are products of those of every sixteenth point and of the

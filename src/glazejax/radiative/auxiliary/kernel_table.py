@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..common.exponential_integrals import cone_nodes
+from ..common.fresnel import cos_refracted
 
 _FORMAT = "glazejax kernel table 1"
 _ARRAYS = ("e2", "e3", "j1", "j2")
@@ -209,5 +210,5 @@ def _reflection_integral(
         return np.zeros_like(x)
     mu, weights, reflectance = cone_nodes(refractive_index)
     cone = np.exp(-x[:, None] / mu) @ (weights * reflectance * mu ** (power - 1))
-    critical = np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
+    critical = cos_refracted(0.0, refractive_index)
     return cone + critical**power * expn(power + 1, x / critical)

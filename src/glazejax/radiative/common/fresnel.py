@@ -26,7 +26,8 @@ def cos_refracted(
     cos_incidence: float | Float[Either, "*#batch"],
     refractive_index: float | Float[Either, "*#batch"],
 ) -> Float[Any, "*batch"]:
-    """Cosine inside a medium of index n >= 1 of a beam that comes from air.
+    """Cosine inside a medium of index n >= 1 of a beam that comes from air; of one that grazes,
+    of cosine zero, that of the critical angle.
 
     Snell's law, ``sin(theta_air) = n sin(theta_medium)`` (paper A, section 2). Written without the
     difference of two numbers near one, so that n = 1 returns the cosine unchanged to rounding.

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...spectra import matmul
-from ..common.fresnel import array_module
+from ..common.fresnel import array_module, cos_refracted
 from ..common.quadrature import conserve, gauss
 
 # The upper panel reaches down to here at least, where an index near one has no critical angle to
@@ -63,7 +63,7 @@ class Basis(NamedTuple):
 @functools.lru_cache(maxsize=64)
 def basis(index: float, size: Size) -> Basis:
     """Nodes for one refractive index."""
-    split = max(float(np.sqrt((index - 1.0) * (index + 1.0)) / index), LEAST_SPLIT)
+    split = max(float(cos_refracted(0.0, index)), LEAST_SPLIT)
     x, x_weights = gauss(size.upper)
     y, y_weights = gauss(size.lower)
     c = size.crowding

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..common.fresnel import dielectric_reflectance
+from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.quadrature import gauss
 
 Cosines = Float[np.ndarray, "beams"]
@@ -59,7 +59,7 @@ def scatter(
         nodes: of the quadrature in psi and in omega, on each piece between bends.
         from_paint: whether the beams come from inside the paint.
     """
-    critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if from_paint else None
+    critical = float(cos_refracted(0.0, index)) if from_paint else None
     m_along, m_up, share = visible_facets(cosine, roughness, nodes, critical)
     c = cosine[:, None]
     # i.m, the cosine at which the beam meets a facet.

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.fresnel import dielectric_reflectance
+from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.inputs import Numbers, check_choice, check_values, concrete
 from ..common.quadrature import gauss
 from .basis import lagrange
@@ -139,7 +139,7 @@ def surface_loss(
             operators = resolve(index, float(roughness), _TOLERANCE).operators()
             assert operators.table is not None
             return operators.table.at(cosine)[..., -1]
-        split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
+        split = float(cos_refracted(0.0, index))
         below, above = (
             jnp.asarray(losses, cosine.dtype) for losses in _paint_losses(index, float(roughness))
         )
@@ -174,7 +174,7 @@ def _masking_over_cosine(cosine: Array, roughness: float) -> Array:
 def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarray]:
     """k inside the paint on Gauss' nodes below and above the critical angle."""
     nodes = gauss(_PAINT_NODES)[0]
-    split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
+    split = float(cos_refracted(0.0, index))
     facets = resolve(index, roughness, _TOLERANCE).size.facets
     losses = []
     for cosines in (split * nodes, split + (1.0 - split) * nodes):
