@@ -63,6 +63,12 @@ def gauss(count: int) -> Nodes:
     return 0.5 * (1.0 - y), 0.5 * w
 
 
+def gauss_crowded_at_ends(count: int) -> Nodes:
+    """Gauss nodes (descending) and weights on [0, 1] under x = y^2 (3 - 2 y)."""
+    y, w = gauss(count)
+    return y * y * (3.0 - 2.0 * y), w * 6.0 * y * (1.0 - y)
+
+
 def graded_gauss(count: int, crowding: float | None = None) -> Nodes:
     """Gauss nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1).
 

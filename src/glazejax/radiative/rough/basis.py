@@ -46,7 +46,9 @@ class Basis(NamedTuple):
     """With sum w = 1 and sum w mu = 1/2."""
 
     def values(self, cosines: Any) -> Any:
-        """The polynomials at cosines (...): (..., n). Each is zero outside its own panel."""
+        """The polynomials at cosines (...): (..., n). Each is zero outside its own panel; beyond 0
+        and 1 they go on as they end.
+        """
         xp = array_module(cosines)
         upper = cosines >= self.split
         # Each panel has its own variable on [0, 1], in which its nodes are Gauss's.

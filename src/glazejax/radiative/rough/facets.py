@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.quadrature import gauss
+from ..common.quadrature import gauss_crowded_at_ends
 
 Cosines = Float[np.ndarray, "beams"]
 Events = Float[np.ndarray, "beams facets"]
@@ -35,6 +35,10 @@ class Scattered(NamedTuple):
     reflected_share: Events
     refracted: Events
     refracted_share: Events
+
+    def lost(self) -> Cosines:
+        """Share of each beam that single facets neither reflect nor let through, (beams,)."""
+        return 1.0 - self.reflected_share.sum(axis=1) - self.refracted_share.sum(axis=1)
 
 
 def masking(cosine: np.ndarray, roughness: float) -> np.ndarray:
@@ -159,10 +163,7 @@ def _divided_rule(
     where roots begin.
     """
     edges = np.sort(np.stack([low, *breaks, np.full_like(low, high)], axis=-1), axis=-1)
-    y, weights = gauss(count)
-    # y^2 (3 - 2 y) crowds nodes at both ends of a piece.
-    x = y * y * (3.0 - 2.0 * y)
-    weights = weights * 6.0 * y * (1.0 - y)
+    x, weights = gauss_crowded_at_ends(count)
     width = np.diff(edges, axis=-1)[..., None]
     shape = (*low.shape, -1)
     return (edges[..., :-1, None] + width * x).reshape(shape), (width * weights).reshape(shape)

@@ -22,10 +22,10 @@ from jaxtyping import Float
 
 from ...spectra import matmul
 from ..common.fresnel import array_module, cos_refracted, dielectric_reflectance
-from ..common.quadrature import gauss
+from ..common.quadrature import gauss, gauss_crowded_at_ends
 from ..common.simultaneous import fine_half_range
 from .basis import Basis, Size, basis, lagrange
-from .facets import scatter
+from .facets import Events, scatter
 
 # Beams at a time: a few million facets.
 _BEAMS = 16
@@ -148,18 +148,8 @@ def _single_entering(
     losses = []
     for piece in _in_pieces(outside):
         scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=False)
-        # Refracted light on each polynomial; what points to the wrong side has a share of zero.
-        entering.append(
-            np.einsum(
-                "bf,bfn->bn",
-                scattered.refracted_share,
-                nodes.values(np.clip(scattered.refracted, 0.0, 1.0)),
-            )
-        )
-        # What neither reflection nor refraction by single facets accounts for.
-        losses.append(
-            1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
-        )
+        entering.append(_on_polynomials(nodes, scattered.refracted, scattered.refracted_share))
+        losses.append(scattered.lost())
     return np.concatenate(entering), np.concatenate(losses)
 
 
@@ -169,25 +159,26 @@ def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
     back = np.zeros((nodes.cosines.size,) * 2)
     for piece, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
         scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=True)
-        to = np.einsum(
-            "bf,bfn->bn",
-            scattered.reflected_share,
-            nodes.values(np.clip(scattered.reflected, 0.0, 1.0)),
-        )
+        to = _on_polynomials(nodes, scattered.reflected, scattered.reflected_share)
         # Out on one polynomial, in on another with the beam's flux.
         back += to.T @ (nodes.values(piece) * flux[:, None])
     # Reciprocal but for the quadrature's error.
     return 0.5 * (back + back.T)
 
 
+def _on_polynomials(nodes: Basis, cosines: Events, shares: Events) -> Float[np.ndarray, "beams n"]:
+    """Light of single facets on each polynomial; what points to the wrong side has a share of
+    zero.
+    """
+    return np.einsum("bf,bfn->bn", shares, nodes.values(cosines))
+
+
 def _beams_inside(nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
     """Cosines in the paint, and the fluxes 2 mu dmu about them: a rule on each side of
     the split.
     """
-    y, weights = gauss(nodes.size.beams)
     # Crowded at both ends: at grazing, and on both sides of the critical angle.
-    x = y * y * (3.0 - 2.0 * y)
-    x_weights = weights * 6.0 * y * (1.0 - y)
+    x, x_weights = gauss_crowded_at_ends(nodes.size.beams)
     split = nodes.split
     cosines = np.concatenate([split * x, split + (1.0 - split) * x])
     return cosines, 2.0 * cosines * np.concatenate([split * x_weights, (1.0 - split) * x_weights])

@@ -179,10 +179,7 @@ def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarra
     losses = []
     for cosines in (split * nodes, split + (1.0 - split) * nodes):
         scattered = scatter(cosines, roughness, index, facets, from_paint=True)
-        # Light that facets neither reflect nor let through.
-        losses.append(
-            1.0 - scattered.reflected_share.sum(axis=1) - scattered.refracted_share.sum(axis=1)
-        )
+        losses.append(scattered.lost())
     return losses[0], losses[1]
 
 
