@@ -78,6 +78,11 @@ class Operators(NamedTuple):
         passing = 1.0 - dielectric_reflectance(cosine, self.refractive_index)
         return passing[..., None] * self.basis.values(cos_refracted(cosine, self.refractive_index))
 
+    def loss(self, cosine: Any) -> Any:
+        """Share k that single facets of a rough surface lose of a beam at cosines in air (...)."""
+        assert self.table is not None
+        return self.table.at(cosine)[..., -1]
+
 
 @functools.lru_cache(maxsize=64)
 def operators(index: float, roughness: float, size: Size) -> Operators:

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance, concrete
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from .body import Lit, Surface, reflectance
-from .resolution import check_surface, resolve
+from .resolution import check_surface, index_by_index, resolve
 
 
 def rough_reflectance_factor(
@@ -120,9 +120,8 @@ def evaluate(
     """Reflectance of checked arguments; without a viewing direction the hemispherical one."""
 
     def one(stacks: BatchOfStacks, surface: Surface) -> Array:
-        flat = stacks.flat()
-        lit = lit_stacks(flat, surface)
-        return _run(lit, surface).reshape(stacks.batch)
+        body = _compiled(lit_stacks(stacks.flat(), surface), surface)
+        return (body / surface.refractive_index**2).reshape(stacks.batch)
 
     return by_index(arguments, roughness, refractive_index, tolerance, one)
 
@@ -150,22 +149,12 @@ def by_index(
             "or vmap pass it as a static argument"
         )
     stacks = batch_of_stacks({**arguments, "refractive_index": np.asarray(indices, float)})
-    kinds = np.unique(indices)
     # The index belongs to the surface; the stacks are solved without it.
     arrays = {name: array for name, array in stacks.arrays.items() if name != "refractive_index"}
     stacks = stacks._replace(arrays=arrays)
-    if kinds.size <= 1:
-        index = float(kinds[0]) if kinds.size else 1.5
-        return evaluate_one(stacks, resolve(index, roughness, tolerance))
-    # All stacks, those of other indices too: few indices are expected, and shapes stay as they are.
-    spread = np.broadcast_to(indices, stacks.batch)
-    answers = [evaluate_one(stacks, resolve(float(index), roughness, tolerance)) for index in kinds]
-    total = answers[0]
-    for index, answer in zip(kinds[1:], answers[1:], strict=True):
-        total = jax.tree.map(
-            lambda new, old, chosen=spread == index: jnp.where(chosen, new, old), answer, total
-        )
-    return total
+    return index_by_index(
+        indices, lambda index: evaluate_one(stacks, resolve(index, roughness, tolerance))
+    )
 
 
 def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
@@ -187,10 +176,6 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
         enters=jnp.stack([light, view], axis=1),
         from_ground=jnp.zeros((light.shape[0], 2), dtype),
     )
-
-
-def _run(lit: Lit, surface: Surface) -> Array:
-    return _compiled(lit, surface) / surface.refractive_index**2
 
 
 _compiled = jax.jit(reflectance, static_argnums=1)

@@ -2,8 +2,11 @@
 there are.
 """
 
+from collections.abc import Callable
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..common.inputs import INDEX_RANGE, Numbers, concrete, plain_number
@@ -76,3 +79,22 @@ def resolve(index: float, roughness: float, tolerance: float) -> Surface:
     if index < _LOW:
         size = size._replace(upper=size.upper + 3, lower=size.lower + 4)
     return Surface(index, float(roughness), size)
+
+
+def index_by_index(indices: np.ndarray, evaluate_one: Callable[[float], Any]) -> Any:
+    """Results of a function of one index at several: arrays, or a pytree of them, against which
+    the indices broadcast.
+
+    All entries are computed for each index, those of others too: few indices are expected, and
+    shapes stay as they are.
+    """
+    # Of no entries any index will do.
+    first, *others = np.unique(indices).tolist() or [1.5]
+    answer = evaluate_one(first)
+    for index in others:
+        answer = jax.tree.map(
+            lambda new, old, here=indices == index: jnp.where(here, new, old),
+            evaluate_one(index),
+            answer,
+        )
+    return answer

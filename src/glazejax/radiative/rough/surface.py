@@ -14,7 +14,7 @@ so, and the reverse.
 
 import functools
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +26,7 @@ from ..common.quadrature import gauss
 from .basis import lagrange
 from .facets import scatter
 from .lobes import facets_between
-from .resolution import check_surface, resolve
+from .resolution import check_surface, index_by_index, resolve
 
 Side = Literal["air", "paint"]
 """Where a direction is."""
@@ -61,28 +61,22 @@ def surface_reflectance_factor(
         ValueError: a value out of range, or a smooth surface: its reflection is a mirror's, and no
             number.
     """
-    if check_surface(roughness, refractive_index) == 0.0:
+    alpha = check_surface(roughness, refractive_index)
+    if alpha == 0.0:
         raise ValueError(
             "roughness is 0: a smooth surface reflects in the mirror direction only, and has no "
             "reflectance factor; surface_albedo says how much"
         )
     check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth})
-    a = float(roughness)
 
     def one(index: float, c_in: Array, c_out: Array, degrees: Array) -> Array:
-        met, density = facets_between(jnp, c_in, c_out, degrees, a)
-        hidden = _masking_over_cosine(c_in, a) * _masking_over_cosine(c_out, a)
+        met, density = facets_between(jnp, c_in, c_out, degrees, alpha)
+        hidden = _masking_over_cosine(c_in, alpha) * _masking_over_cosine(c_out, alpha)
         # pi f of single facets: F pi D G1 G1/(4 c_in c_out).
         single = 0.25 * dielectric_reflectance(met, index) * density * hidden
-        operators = resolve(index, a, _TOLERANCE).operators()
-        assert operators.table is not None
+        operators = resolve(index, alpha, _TOLERANCE).operators()
         # k(i) k(o)/C: what facets lose to one another, spread over all directions.
-        return (
-            single
-            + operators.table.at(c_in)[..., -1]
-            * operators.table.at(c_out)[..., -1]
-            / operators.constant
-        )
+        return single + operators.loss(c_in) * operators.loss(c_out) / operators.constant
 
     return _by_index(one, refractive_index, cos_incidence, cos_viewing, azimuth)
 
@@ -97,9 +91,9 @@ def surface_albedo(
 
     Args, raises as for `surface_reflectance_factor`; the index of a smooth surface may be traced.
     """
-    rough = check_surface(roughness, refractive_index) > 0.0
+    alpha = check_surface(roughness, refractive_index)
     check_values({"cos_incidence": cos_incidence, "refractive_index": refractive_index})
-    if not rough:
+    if alpha == 0.0:
         # A formula, which takes an index that is traced, too.
         dtype = jnp.result_type(float)
         return dielectric_reflectance(
@@ -108,9 +102,8 @@ def surface_albedo(
 
     def one(index: float, cosine: Array) -> Array:
         # All energy is kept: what does not enter is reflected.
-        return 1.0 - jnp.sum(
-            resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1
-        )
+        operators = resolve(index, alpha, _TOLERANCE).operators()
+        return 1.0 - jnp.sum(operators.enters(cosine), axis=-1)
 
     return _by_index(one, refractive_index, cos_incidence)
 
@@ -126,23 +119,19 @@ def surface_loss(
         refractive_index: known numbers, (...); without roughness it may be traced.
         side: "air" or "paint", where the light comes from.
     """
-    rough = check_surface(roughness, refractive_index) > 0.0
+    alpha = check_surface(roughness, refractive_index)
     check_choice("side", side, Side)
     check_values({"cos_incidence": cosine})
-    if not rough:
+    if alpha == 0.0:
         dtype = jnp.result_type(float)
         both = (jnp.asarray(values, dtype) for values in (cosine, refractive_index))
         return jnp.zeros_like(jnp.broadcast_arrays(*both)[0])
 
     def one(index: float, cosine: Array) -> Array:
         if side == "air":
-            operators = resolve(index, float(roughness), _TOLERANCE).operators()
-            assert operators.table is not None
-            return operators.table.at(cosine)[..., -1]
+            return resolve(index, alpha, _TOLERANCE).operators().loss(cosine)
         split = float(cos_refracted(0.0, index))
-        below, above = (
-            jnp.asarray(losses, cosine.dtype) for losses in _paint_losses(index, float(roughness))
-        )
+        below, above = (jnp.asarray(losses, cosine.dtype) for losses in _paint_losses(index, alpha))
         # Each side of the critical angle has its own polynomial: the loss bends there.
         low = lagrange(jnp.clip(cosine / split, 0.0, 1.0), _PAINT_NODES)
         high = lagrange(jnp.clip((cosine - split) / (1.0 - split), 0.0, 1.0), _PAINT_NODES)
@@ -158,11 +147,10 @@ def loss_constant(*, roughness: float, refractive_index: float = 1.5) -> float:
         roughness: alpha, a number in [0, 1]; 0 gives 0, and what is not 0 at least 1e-5 pi.
         refractive_index: a number in [1.02, 2.5].
     """
-    if check_surface(roughness, refractive_index) == 0.0:
+    alpha = check_surface(roughness, refractive_index)
+    if alpha == 0.0:
         return 0.0
-    return (
-        np.pi * resolve(float(refractive_index), float(roughness), _TOLERANCE).operators().constant
-    )
+    return np.pi * resolve(float(refractive_index), alpha, _TOLERANCE).operators().constant
 
 
 def _masking_over_cosine(cosine: Array, roughness: float) -> Array:
@@ -189,9 +177,6 @@ def _by_index(
     """``one(index, *arrays)``, index by index where there are several."""
     dtype = jnp.result_type(float)
     indices = np.asarray(concrete(refractive_index), float)
-    values: list[Any] = [jnp.asarray(a, dtype) for a in arrays]
-    values = list(jnp.broadcast_arrays(*values, jnp.zeros(indices.shape, dtype)))[:-1]
-    answer = jnp.zeros_like(values[0])
-    for index in np.unique(indices):
-        answer = jnp.where(indices == index, evaluate_one(float(index), *values), answer)
-    return answer
+    values = [jnp.asarray(a, dtype) for a in arrays]
+    values = jnp.broadcast_arrays(*values, jnp.zeros(indices.shape, dtype))[:-1]
+    return index_by_index(indices, lambda index: evaluate_one(index, *values))
