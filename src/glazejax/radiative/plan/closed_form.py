@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..common.directions import Resolution, half_range
+from ..common.directions import NEAR_ONE, Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.quadrature import Directions, gauss, graded_gauss
 from .bounds import End, PerLayer, PerStack
@@ -19,7 +19,6 @@ from .bounds import End, PerLayer, PerStack
 # Enough for 1e-11; the index is a number here, and each node costs one exponential a stack.
 _INSIDE = Resolution(cone=24, total=40, crowded=False)
 _INSIDE_NEAR_ONE = Resolution(cone=48, total=40, crowded=True)
-_NEAR_ONE = 1.07
 
 
 class FirstOrder(NamedTuple):
@@ -45,14 +44,14 @@ def end(cosine_air: PerStack | None, refractive_index: PerStack) -> End:
 
 @functools.lru_cache(maxsize=32)
 def _inside(index: float) -> Directions:
-    resolution = _INSIDE_NEAR_ONE if index < _NEAR_ONE else _INSIDE
+    resolution = _INSIDE_NEAR_ONE if index < NEAR_ONE else _INSIDE
     return half_range(index, resolution if index > 1 else resolution._replace(total=0))
 
 
 @functools.lru_cache(maxsize=32)
 def _outside(index: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cosines inside, transmittance, and weights 2 mu dmu, of directions of view in air."""
-    rule = graded_gauss if index < _NEAR_ONE else gauss
+    rule = graded_gauss if index < NEAR_ONE else gauss
     mu, weights = rule(32)
     transmittance = 1.0 - np.asarray(dielectric_reflectance(mu, index))
     return np.asarray(cos_refracted(mu, index)), transmittance, 2.0 * mu * weights

@@ -9,7 +9,7 @@ switched off; none changes a result by more than its share of the tolerance.
 """
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -120,7 +120,7 @@ class Plan:
         Returns:
             Reflectances, the broadcast batch shape of the inputs; NaN where not wanted.
         """
-        distinct = np.empty(self._rows.count)
+        distinct = np.empty(self._rows.stacks)
         pending = []
         for layers, members in self._groups:
             for block, size in _blocks(members):
@@ -266,14 +266,14 @@ def plan_stacks(
     if savings.reciprocity and rows.cos_viewing is not None:
         low = np.minimum(rows.cos_incidence, rows.cos_viewing)
         high = np.maximum(rows.cos_incidence, rows.cos_viewing)
-        rows = replace(rows, cos_incidence=low, cos_viewing=high)
-    rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.count))
+        rows = rows._replace(cos_incidence=low, cos_viewing=high)
+    rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.stacks))
     given_layers = rows.albedo.size
     # Simpler stacks: no empty layers, no neighbours of equal albedo, nothing below what is opaque.
     if savings.layers:
         rows = reduction.simplify(rows)
     before = count_filled(rows.optical_thickness)
-    hidden = np.zeros(rows.count, bool)
+    hidden = np.zeros(rows.stacks, bool)
     if savings.hidden:
         rows, hidden = reduction.cut_below_opaque(rows, tolerance * 0.25)
     hidden_layers = int((before - count_filled(rows.optical_thickness)).sum())
@@ -282,7 +282,7 @@ def plan_stacks(
         rows, again = reduction.once(rows)
         inverse = again[inverse]
     # What needs no solver; the rest goes to it in groups of as many layers.
-    closed = np.zeros(rows.count, bool)
+    closed = np.zeros(rows.stacks, bool)
     if savings.scattering:
         closed = reduction.closes(rows, tolerance * 0.25)
     groups = _group(
@@ -292,7 +292,7 @@ def plan_stacks(
         stacks=size,
         unwanted=size - due,
         bands=due - computed.size,
-        equal=computed.size - rows.count,
+        equal=computed.size - rows.stacks,
         closed=int(closed.sum()),
         solved=int((~closed).sum()),
         layers=given_layers,

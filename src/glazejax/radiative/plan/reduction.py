@@ -2,8 +2,9 @@
 (numpy).
 """
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -12,9 +13,8 @@ from . import closed_form
 from .bounds import End, PerLayer, PerStack, hidden_below, scattered_beyond_first
 
 
-@dataclass(frozen=True)
-class Rows:
-    """Stacks as rows, float64; before broadcasting, whatever broadcasts to them."""
+class Rows(NamedTuple):
+    """Stacks as rows, float64."""
 
     albedo: PerLayer
     optical_thickness: PerLayer
@@ -24,21 +24,17 @@ class Rows:
     cos_viewing: PerStack | None
 
     @property
-    def count(self) -> int:
+    def stacks(self) -> int:
         """Number of stacks."""
         return self.ground.size
 
-    def _leaves(self) -> dict[str, np.ndarray]:
-        """The arrays by name, without a viewing direction where there is none."""
-        return {name: leaf for name, leaf in vars(self).items() if leaf is not None}
-
     def take(self, rows: np.ndarray) -> "Rows":
         """Some of the stacks."""
-        return replace(self, **{name: leaf[rows] for name, leaf in self._leaves().items()})
+        return jax.tree.map(lambda leaf: leaf[rows], self)
 
     def columns(self) -> list[np.ndarray]:
         """Every quantity of a stack as one array (stacks,)."""
-        return [column for leaf in self._leaves().values() for column in np.atleast_2d(leaf.T)]
+        return [column for leaf in jax.tree.leaves(self) for column in np.atleast_2d(leaf.T)]
 
     def ends(self) -> tuple[End, End]:
         """Incidence and viewing, as the bounds want them."""
@@ -75,8 +71,8 @@ def simplify(rows: Rows) -> Rows:
     albedo = np.zeros_like(rows.albedo)
     thickness = np.zeros_like(rows.optical_thickness)
     # The layer that each stack has reached, and its albedo.
-    at = np.full(rows.count, -1)
-    last = np.full(rows.count, np.nan)
+    at = np.full(rows.stacks, -1)
+    last = np.full(rows.stacks, np.nan)
     for q, depth in zip(rows.albedo.T, rows.optical_thickness.T, strict=True):
         rows_present = np.flatnonzero(depth > 0)
         # Another albedo begins a new layer, the same one thickens the last.
@@ -85,7 +81,7 @@ def simplify(rows: Rows) -> Rows:
         albedo[rows_present, at[rows_present]] = q[rows_present]
         thickness[rows_present, at[rows_present]] += depth[rows_present]
     deepest = int(at.max(initial=0)) + 1
-    return replace(rows, albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
+    return rows._replace(albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
 
 
 def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
@@ -99,8 +95,7 @@ def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarra
         tolerance,
     )
     follow = np.arange(rows.albedo.shape[1]) < visible[:, None]
-    cut = replace(
-        rows,
+    cut = rows._replace(
         albedo=np.where(follow, rows.albedo, 0.0),
         optical_thickness=np.where(follow, rows.optical_thickness, 0.0),
         ground=np.where(hidden, 0.0, rows.ground),
@@ -110,7 +105,7 @@ def cut_below_opaque(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarra
 
 def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
     """Closed form, index by index, in pieces as large as its quadrature should hold."""
-    value, by_light, by_view = np.empty((3, rows.count))
+    value, by_light, by_view = np.empty((3, rows.stacks))
     for index in np.unique(rows.refractive_index):
         for numbers in pieces_of(np.flatnonzero(rows.refractive_index == index), 16384):
             chosen = rows.take(numbers)
@@ -136,10 +131,10 @@ def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
 
     # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at
     # closely.
-    fits = bound(rows, (np.zeros(rows.count), np.zeros(rows.count))) <= tolerance
+    fits = bound(rows, (np.zeros(rows.stacks), np.zeros(rows.stacks))) <= tolerance
     # One quadrature an index: with more distinct ones it is not worth them.
     if np.unique(rows.refractive_index[fits]).size > 32:
-        return np.zeros(rows.count, bool)
+        return np.zeros(rows.stacks, bool)
     chosen = rows.take(fits)
     fits[fits] = bound(chosen, by_closed_form(chosen).ground_radiosity) <= tolerance
     return fits
