@@ -102,23 +102,14 @@ def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -
     return r
 
 
-class _Table(NamedTuple):
-    """Chebyshev coefficients in the albedo for one set of directions.
+@functools.lru_cache(maxsize=64)
+def _table(key: bytes) -> Float[np.ndarray, "rows terms"]:
+    """Chebyshev coefficients in the albedo for one set of directions, (pieces * (2 n + 1), terms):
+    of r_j(q), of the coupling of each mode and of lambda_0/(1 - q), all analytic in q on [0, 1].
 
     Not `glazejax.interpolated`, which stands above the solvers, and has one polynomial of 129 terms
     at most: for 8 to 32 directions its error is 2e-5 to 2e-4 of the largest value, and that
     of two pieces of 32 to 64 terms 2e-11.
-    """
-
-    terms: int
-    coefficients: np.ndarray
-    """(pieces * (2 n + 1), terms): offsets, couplings, smallest eigenvalue over 1 - q"""
-
-
-@functools.lru_cache(maxsize=64)
-def _table(key: bytes) -> _Table:
-    """Table of r_j(q), of the coupling of each mode and of lambda_0/(1 - q), all analytic in q on
-    [0, 1].
     """
     cosines, weights = np.frombuffer(key).reshape(2, -1)
     poles = 1.0 / cosines[:, None] ** 2
@@ -142,7 +133,7 @@ def _table(key: bytes) -> _Table:
                 remainder, np.max(np.abs(pieces[-1][:, -2:].T) / np.max(np.abs(values), axis=0))
             )
         if remainder < _TABLE_ACCURACY or terms >= 64:
-            return _Table(terms, np.concatenate(pieces))
+            return np.concatenate(pieces)
         terms += 4
 
 
@@ -162,17 +153,16 @@ def _chebyshev(x: Array, terms: int) -> Array:
     return jnp.concatenate(blocks)
 
 
-def _from_table(albedo: Array, table: _Table) -> Array:
+def _from_table(albedo: Array, table: Float[np.ndarray, "rows terms"]) -> Array:
     """Offsets, couplings and lambda_0/(1 - q) one below the other, (2 n + 1, ..., batch)."""
     # Each piece of the albedo's range has a polynomial of its own.
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
-    polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
+    polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.shape[1])
     # One matrix product for all pieces: a product is not computed again for each use, as fused
     # arithmetic would be.
-    rows = table.coefficients.shape[0] // _PIECES
-    coefficients = jnp.asarray(table.coefficients, albedo.dtype)
+    coefficients = jnp.asarray(table, albedo.dtype)
     values = jnp.tensordot(coefficients, polynomials, axes=1, precision="highest")
-    values = values.reshape(_PIECES, rows, *albedo.shape)
+    values = values.reshape(_PIECES, -1, *albedo.shape)
     in_piece = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
     return jnp.sum(values * in_piece[:, None], axis=0)
 
