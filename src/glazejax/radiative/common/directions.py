@@ -12,7 +12,6 @@ import functools
 import math
 from typing import NamedTuple
 
-import jax
 from jaxtyping import Array, Float
 
 from .fresnel import cos_refracted
@@ -39,7 +38,8 @@ class Resolution(NamedTuple):
     total: int
     """Totally reflected nodes; 0 only for an index of exactly one."""
     crowded: bool = False
-    """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
+    """Whether the cone's nodes crowd towards grazing too: needed as the index nears one, unless
+    they follow the rise of R, along which they are spread already."""
     crowding: float | None = None
     """If given: one rule for the whole half range with this crowding, whose conditions `cone` and
     `total` count.
@@ -64,33 +64,18 @@ def half_range(
     Args:
         refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX
             array (...), by which the result can be differentiated.
-        resolution: node counts, static.
+        resolution: node counts, static; one for the whole half range is that of the number.
 
     Returns:
         `Directions`, arrays (..., cone + total).
-
-    Raises:
-        ValueError: a rule for the whole half range where the index is an array, or where there is
-            no such rule.
     """
-    if resolution.crowding is None:
-        # Nodes that follow the rise of R are spread along it already.
-        crowded = resolution.crowded and resolution.reach is None
-        outside = graded_gauss(resolution.cone) if crowded else gauss(resolution.cone)
-        below = graded_gauss(resolution.total) if resolution.total else None
-        return split_range(refractive_index, outside, below, resolution.reach)
-    if isinstance(refractive_index, jax.Array):
-        raise ValueError(
-            "directions for the whole half range need an index that is a number; it is an array "
-            "here"
-        )
-    rule = whole_range(float(refractive_index), resolution)
-    if rule is None:
-        raise ValueError(
-            f"there are no directions for the whole half range of index {refractive_index} with "
-            f"{resolution}"
-        )
-    return rule
+    if resolution.crowding is not None:
+        rule = whole_range(float(refractive_index), resolution)
+        assert rule is not None, "the resolution is one for which there are directions"
+        return rule
+    outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
+    below = graded_gauss(resolution.total) if resolution.total else None
+    return split_range(refractive_index, outside, below, resolution.reach)
 
 
 @functools.lru_cache(maxsize=256)
@@ -171,5 +156,5 @@ def resolve(
             cone, reach = row.grazing
         else:
             cone, reach = row.sliver if lowest_index < _SLIVER else (row.near_cone, row.sliver[1])
-        return Resolution(cone, row.total, crowded=True, reach=reach)
-    return Resolution(row.cone + (highest_index > HIGH), row.total, crowded=False)
+        return Resolution(cone, row.total, reach=reach)
+    return Resolution(row.cone + (highest_index > HIGH), row.total)
