@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from .kernels import Reals
+from .kernels import Reals, polynomial
 from .quadrature import gauss
 
 Arguments: TypeAlias = Float[ArrayLike, "..."]
@@ -61,7 +61,7 @@ def _expn(order: int, x: Arguments) -> Reals:
     safe = jnp.where(small, x, 0.5)
     # (-x)^(n-1)/(n-1)! (psi(n) - ln x), times x = 0 nothing for n > 1 and infinite for n = 1.
     logarithm = jnp.log(jnp.maximum(safe, tiny))
-    below = _horner(near, safe) - power * safe ** (order - 1) * logarithm
+    below = polynomial(near, safe) - power * safe ** (order - 1) * logarithm
     if order == 1:
         below = jnp.where(x == 0, jnp.inf, below)
     far, shift = _far_series(order)
@@ -123,13 +123,6 @@ def _far_series(order: int) -> tuple[Coefficients, float]:
     series = 2.0 / count * cosines @ value
     series[0] *= 0.5
     return tuple(float(c) for c in series), shift
-
-
-def _horner(coefficients: Coefficients, x: Array) -> Array:
-    total = jnp.full_like(x, coefficients[-1])
-    for c in coefficients[-2::-1]:
-        total = total * x + c
-    return total
 
 
 def _clenshaw(coefficients: Coefficients, t: Array) -> Array:

@@ -40,8 +40,10 @@ _TANHC_SLOPE = (
 _PHI = tuple((-1.0) ** k / math.factorial(k + 1) for k in range(10))
 
 
-def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    """Even and odd powers apart: half the steps that wait for each other."""
+def polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
+    """Polynomial by its coefficients, from the lowest power up; even and odd powers apart: half the
+    steps that wait for each other.
+    """
     square = x * x
     even, odd = (jnp.full_like(x, half[-1]) for half in (coefficients[::2], coefficients[1::2]))
     for c in coefficients[::2][-2::-1]:
@@ -67,7 +69,7 @@ def _phi_jvp(primals, tangents):
     safe = jnp.where(small, 1.0, x)
     slope = jnp.where(
         small,
-        _polynomial(_PHI_SLOPE, jnp.where(small, x, 0.0)),
+        polynomial(_PHI_SLOPE, jnp.where(small, x, 0.0)),
         (jnp.exp(-safe) - jnp.where(small, 0.0, value)) / safe,
     )
     return value, slope * dx
@@ -120,7 +122,7 @@ def _tanh_sech_jvp(primals, tangents):
     tanh, sech = tanh_sech(decay_squared, depth)
     argument = decay_squared * depth**2
     small = argument < _SERIES_TANH
-    series = 2.0 * depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0))
+    series = 2.0 * depth**3 * polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0))
     slope = jnp.where(small, series, depth * sech**2 - tanh) / jnp.where(
         small, 2.0, 2.0 * decay_squared
     )
@@ -143,5 +145,5 @@ def two_decays(a: Reals, b: Reals, depth: Reals, faded_a: Reals, faded_b: Reals)
     x = (b - a) * depth
     close = jnp.abs(x) < _SERIES_DECAYS
     # (1 - e^-x)/x by its series, where the difference below has no digits.
-    series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
+    series = depth * (1.0 + faded_a) * polynomial(_PHI, jnp.where(close, x, 0.0))
     return quotient(jnp.where(close, series, faded_a - faded_b), jnp.where(close, 1.0, b - a))
