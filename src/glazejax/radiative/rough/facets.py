@@ -36,7 +36,7 @@ class Scattered(NamedTuple):
     refracted: Events
     refracted_share: Events
 
-    def lost(self) -> Cosines:
+    def loss(self) -> Cosines:
         """Share of each beam that single facets neither reflect nor let through, (beams,)."""
         return 1.0 - self.reflected_share.sum(axis=1) - self.refracted_share.sum(axis=1)
 

@@ -154,7 +154,7 @@ def _single_entering(
     for piece in _in_pieces(outside):
         scattered = scatter(piece, roughness, index, nodes.size.facets, from_paint=False)
         entering.append(_on_polynomials(nodes, scattered.refracted, scattered.refracted_share))
-        losses.append(scattered.lost())
+        losses.append(scattered.loss())
     return np.concatenate(entering), np.concatenate(losses)
 
 

@@ -167,7 +167,7 @@ def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarra
     losses = []
     for cosines in (split * nodes, split + (1.0 - split) * nodes):
         scattered = scatter(cosines, roughness, index, facets, from_paint=True)
-        losses.append(scattered.lost())
+        losses.append(scattered.loss())
     return losses[0], losses[1]
 
 
