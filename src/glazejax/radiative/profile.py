@@ -35,7 +35,9 @@ from .common.inputs import (
     check_values,
     concrete,
     flat_batch,
+    is_amount,
     plain_number,
+    refuse,
 )
 from .common.linalg import einsum
 from .common.quadrature import gauss
@@ -178,7 +180,7 @@ def _film(
     for name, value in {**profiles, "thickness": film_thickness}.items():
         check_mask(name, value)
     thickness = jnp.asarray(film_thickness, dtype)
-    _refuse("thickness", thickness, "a length in m, >= 0 and finite")
+    refuse("thickness", concrete(thickness), "a length in m, >= 0 and finite", is_amount)
     functions = []
     counts = {}
     shapes = {"thickness": thickness.shape}
@@ -193,7 +195,7 @@ def _film(
             raise ValueError(
                 f"{name} is a single number; give a callable of depth or values along a last axis"
             )
-        _refuse(name, samples, "in 1/m, >= 0 and finite")
+        refuse(name, concrete(samples), "in 1/m, >= 0 and finite", is_amount)
         if samples.shape[-1] == 0:
             raise ValueError(f"{name} has no values along its last axis; give at least one")
         counts[name] = samples.shape[-1] - 1
@@ -217,12 +219,6 @@ def _film(
     )
 
 
-def _refuse(name: str, values: Array, requirement: str) -> None:
-    numbers = concrete(values)
-    if numbers is not None and not np.all(good := (numbers >= 0) & np.isfinite(numbers)):
-        raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
-
-
 def _of_share(name: str, profile: DepthFunction, thickness: Array) -> DepthFunction:
     def function(share: Array) -> Array:
         depth = share * thickness[..., None]
@@ -232,7 +228,7 @@ def _of_share(name: str, profile: DepthFunction, thickness: Array) -> DepthFunct
                 f"{name} returned shape {values.shape} for depths {depth.shape}; it must return "
                 "one value a depth"
             )
-        _refuse(name, values, "in 1/m, >= 0 and finite, at every depth")
+        refuse(name, concrete(values), "in 1/m, >= 0 and finite, at every depth", is_amount)
         return jnp.broadcast_to(values, (*values.shape[:-1], depth.shape[-1]))
 
     return function

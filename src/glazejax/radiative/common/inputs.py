@@ -27,18 +27,30 @@ LEAST_COSINE = 1e-4
 # Numbers up to which NumPy does what must be done to a known array.
 _SMALL = 1 << 16
 
+
+def _is_fraction(x: Any) -> Any:
+    return (x >= 0) & (x <= 1)
+
+
+def is_amount(x: Any) -> Any:
+    """Where numbers are >= 0 and finite."""
+    return (x >= 0) & (x < np.inf)
+
+
+_AMOUNT = (">= 0 and finite", is_amount)
+_COSINE = ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1))
 _RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
-    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
-    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", lambda x: (x >= 0) & (x <= 1)),
+    "albedo": ("in [0, 1]", _is_fraction),
+    "optical_thickness": _AMOUNT,
+    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", _is_fraction),
     "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
-    "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
-    "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+    "cos_incidence": _COSINE,
+    "cos_viewing": _COSINE,
     "azimuth": ("a finite number of degrees", lambda x: abs(x) < np.inf),
     # Of two fluxes, times the thickness.
-    "absorption": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
-    "scattering": (">= 0 and finite", lambda x: (x >= 0) & (x < np.inf)),
-    "share": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
+    "absorption": _AMOUNT,
+    "scattering": _AMOUNT,
+    "share": ("in [0, 1]", _is_fraction),
 }
 
 
@@ -112,9 +124,19 @@ def check_values(arguments: Mapping[str, Numbers | None]) -> None:
         # Of a number that is right no array need be made.
         if value is None or (isinstance(value, float) and test(value)):
             continue
-        numbers = _real_numbers(name, value)
-        if numbers is not None and not (good := test(numbers)).all():
-            raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
+        refuse(name, _real_numbers(name, value), requirement, test)
+
+
+def refuse(
+    name: str, numbers: np.ndarray | None, requirement: str, test: Callable[[Any], Any]
+) -> None:
+    """Refuse numbers, None while they are not known, that do not all pass a test.
+
+    Raises:
+        ValueError: names the argument, the value and the requirement.
+    """
+    if numbers is not None and not (good := test(numbers)).all():
+        raise ValueError(f"{name} holds {numbers[~good].flat[0]}; it must be {requirement}")
 
 
 def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:

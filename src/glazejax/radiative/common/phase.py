@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from .inputs import Numbers, check_values, concrete
+from .inputs import Numbers, check_values, concrete, refuse
 
 _NEGLIGIBLE = 1e-12
 _MOST_TERMS = 2000
@@ -206,11 +206,7 @@ def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
     largest = 0.0
     for name, g in cosines.items():
         numbers = concrete(g)
-        if numbers is not None and not np.all(np.abs(numbers) < 1):
-            raise ValueError(
-                f"{name} holds {numbers[~(np.abs(numbers) < 1)].flat[0]}; it must be between -1 "
-                "and 1"
-            )
+        refuse(name, numbers, "between -1 and 1", lambda g: abs(g) < 1)
         if numbers is None and terms is None:
             raise ValueError(
                 f"{name} is traced by jax.jit: give the number of terms, such as terms=64"
