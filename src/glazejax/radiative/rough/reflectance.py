@@ -9,10 +9,16 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance, concrete
+from ..common.inputs import (
+    BatchOfStacks,
+    Numbers,
+    batch_of_stacks,
+    check_tolerance,
+    check_values,
+    concrete,
+)
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from .body import Lit, Surface, reflectance
 from .resolution import check_surface, index_by_index, resolve
@@ -148,10 +154,9 @@ def by_index(
             "refractive_index is traced, but a surface's operators need known numbers: under jit "
             "or vmap pass it as a static argument"
         )
-    stacks = batch_of_stacks({**arguments, "refractive_index": np.asarray(indices, float)})
+    check_values({"refractive_index": indices})
     # The index belongs to the surface; the stacks are solved without it.
-    arrays = {name: array for name, array in stacks.arrays.items() if name != "refractive_index"}
-    stacks = stacks._replace(arrays=arrays)
+    stacks = batch_of_stacks(arguments, shapes={"refractive_index": indices.shape})
     return index_by_index(
         indices, lambda index: evaluate_one(stacks, resolve(index, roughness, tolerance))
     )

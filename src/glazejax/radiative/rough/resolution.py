@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..common.inputs import INDEX_RANGE, Numbers, concrete, plain_number
+from ..common.inputs import INDEX_RANGE, Numbers, concrete
 from ..common.rounding import warn_user
 from .basis import Size
 from .body import Surface
@@ -38,15 +38,13 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
     Raises:
         ValueError: either is traced or out of range.
     """
-    number = plain_number(roughness)
-    if number is None:
-        value = concrete(roughness)
-        if value is None or value.ndim:
-            raise ValueError(
-                "roughness must be one known number: under jit or vmap pass it as a static "
-                "argument, and call once for each roughness"
-            )
-        number = float(value)
+    value = concrete(roughness)
+    if value is None or value.ndim:
+        raise ValueError(
+            "roughness must be one known number: under jit or vmap pass it as a static "
+            "argument, and call once for each roughness"
+        )
+    number = float(value)
     if not 0.0 <= number <= 1.0:
         raise ValueError(f"roughness is {number}; it must be in [0, 1], the alpha of GGX")
     # A smooth surface has no table that would be made for one known index.
