@@ -25,17 +25,19 @@ _LINEAR = 1e-20
 # phi'(x) = sum_k (-1)^(k+1) (k+1)/(k+2)! x^k
 _PHI_SLOPE = tuple((-1.0) ** (k + 1) * (k + 1) / math.factorial(k + 2) for k in range(15))
 
-# d/dx tanh(sqrt x)/sqrt x, from the Bernoulli numbers.
-_TANHC_SLOPE = (
+TANHC = (
+    1.0,
     -1.0 / 3,
-    2 * 2.0 / 15,
-    -3 * 17.0 / 315,
-    4 * 62.0 / 2835,
-    -5 * 1382.0 / 155925,
-    6 * 21844.0 / 6081075,
-    -7 * 929569.0 / 638512875,
-    8 * 6404582.0 / 10854718875,
+    2.0 / 15,
+    -17.0 / 315,
+    62.0 / 2835,
+    -1382.0 / 155925,
+    21844.0 / 6081075,
+    -929569.0 / 638512875,
+    6404582.0 / 10854718875,
 )
+"""Series of tanh(sqrt x)/sqrt x, from the Bernoulli numbers."""
+_TANHC_SLOPE = tuple(k * TANHC[k] for k in range(1, len(TANHC)))
 # (1 - e^-x)/x = sum_k (-x)^k/(k + 1)!
 _PHI = tuple((-1.0) ** k / math.factorial(k + 1) for k in range(10))
 

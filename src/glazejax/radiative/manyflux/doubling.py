@@ -22,13 +22,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, concrete
+from ..common.kernels import TANHC
 from .bordered import Bordered
 
 LayerOperators: TypeAlias = tuple[Bordered, Bordered]
 """Reflection R and loss U = 1 - T of layers."""
 
 # Series of tanh(x)/x in x^2, for x up to an eighth.
-_SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075)
+_SERIES = TANHC[:7]
 
 
 def doublings(optical_thickness: Numbers, least_cosine: float) -> int:
