@@ -51,7 +51,7 @@ def fine_half_range(refractive_index: float, crowding: float) -> Directions:
     cos_outside = u**3
     cos_inside = np.sqrt(excess + cos_outside**2) / n
     by_outside = 3.0 * u**2 * weights * cos_outside / (n * n * cos_inside)
-    reflected = np.asarray(dielectric_reflectance(cos_outside, n))
+    reflected = dielectric_reflectance(cos_outside, n)
     if excess == 0:
         return Directions(cos_inside, by_outside, reflected)
     return Directions(

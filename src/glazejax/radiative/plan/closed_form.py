@@ -37,8 +37,8 @@ def end(cosine_air: PerStack | None, refractive_index: PerStack) -> End:
         # Integrals over 2 mu dmu in air; the cosine inside is never the smaller one.
         ones = np.ones(np.shape(refractive_index))
         return End(ones, ones, ones / (2.0 * np.pi))
-    cosine = np.asarray(cos_refracted(cosine_air, refractive_index))
-    flux = 1.0 - np.asarray(dielectric_reflectance(cosine_air, refractive_index))
+    cosine = cos_refracted(cosine_air, refractive_index)
+    flux = 1.0 - dielectric_reflectance(cosine_air, refractive_index)
     return End(cosine, flux, flux / (4.0 * np.pi * cosine))
 
 
@@ -53,8 +53,8 @@ def _outside(index: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cosines inside, transmittance, and weights 2 mu dmu, of directions of view in air."""
     rule = graded_gauss if index < NEAR_ONE else gauss
     mu, weights = rule(32)
-    transmittance = 1.0 - np.asarray(dielectric_reflectance(mu, index))
-    return np.asarray(cos_refracted(mu, index)), transmittance, 2.0 * mu * weights
+    transmittance = 1.0 - dielectric_reflectance(mu, index)
+    return cos_refracted(mu, index), transmittance, 2.0 * mu * weights
 
 
 def internal_reflection(depth: PerStack, index: float) -> PerStack:

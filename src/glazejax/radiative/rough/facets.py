@@ -72,7 +72,7 @@ def scatter(
     relative = 1.0 / index if from_paint else index
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - met) * (1.0 + met) / relative**2, 0.0))
     # Fresnel's reflectance is that from air at the cosine in air; total where there is none.
-    reflectance = np.asarray(dielectric_reflectance(beyond if from_paint else met, index))
+    reflectance = dielectric_reflectance(beyond if from_paint else met, index)
     # Cosines to the mean surface of 2 (i.m) m - i and of the refracted direction.
     reflected = 2.0 * met * m_up - c
     refracted = (c - met * m_up) / relative + beyond * m_up

@@ -61,7 +61,7 @@ def lobe_factor(
     if alpha < SMOOTH or index == 1.0:
         return np.zeros(mu_in.shape)
     met, density = facets_between(np, mu_in, mu_out, azimuth, alpha)
-    fresnel = np.asarray(dielectric_reflectance(met, index))
+    fresnel = dielectric_reflectance(met, index)
     again = _again(fresnel, facet_albedo(mu_out, alpha))
     return density * fresnel * _both_seen(mu_in, mu_out, alpha) * again
 
@@ -100,7 +100,7 @@ def _albedos(mus: tuple[float, ...], alpha: float, index: float | None) -> np.nd
     # heights.
     reflected = share * 4.0 * mu * out * _both_seen(out, mu, alpha) / masking(mu, alpha)
     if index is not None:
-        fresnel = np.asarray(dielectric_reflectance(met, index))
+        fresnel = dielectric_reflectance(met, index)
         reflected = reflected * fresnel * _again(fresnel, _albedos(mus, alpha, None)[:, None])
     return reflected.sum(axis=1)
 
