@@ -34,7 +34,7 @@ from .problem import JointProblem, JointResiduals, Unknowns, residuals, totals
 Vectors: TypeAlias = Float[np.ndarray, "unknowns *columns"]
 """Numbers of all unknowns in a row, or several such columns."""
 
-_solve_band = get_lapack_funcs("tbtrs", dtype=np.float64)
+(_solve_band,) = get_lapack_funcs(("tbtrs",), dtype=np.float64)
 
 
 class Normal(NamedTuple):
