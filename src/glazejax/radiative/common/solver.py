@@ -1,6 +1,7 @@
 """Interface of a solver of stacks, whatever its method: the same verbs in all of them."""
 
-from typing import Any, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +45,7 @@ class Request(NamedTuple):
         return max(1, chunk_bytes(memory, *self.inputs) // bytes_each)
 
 
-class Solver(Protocol):
+class Solver(ABC):
     """One method for both reflectances: hemispherical where a stack has no viewing direction.
 
     `resolve` comes first and is given what is known before a program is compiled. The others are
@@ -60,10 +61,12 @@ class Solver(Protocol):
     splits: bool = True
     """True if `split` can be asked for."""
 
+    @abstractmethod
     def resolve(self, request: Request) -> tuple[Any, int]:
         """The method's own resolution, static, and how many stacks go through at a time."""
         ...
 
+    @abstractmethod
     def reflectance(self, stack: StackArrays, resolution: Any) -> Array:
         """Reflectance factor or hemispherical reflectance, (batch,)."""
         ...
