@@ -64,12 +64,10 @@ class Solver(ABC):
     @abstractmethod
     def resolve(self, request: Request) -> tuple[Any, int]:
         """The method's own resolution, static, and how many stacks go through at a time."""
-        ...
 
     @abstractmethod
     def reflectance(self, stack: StackArrays, resolution: Any) -> Array:
         """Reflectance factor or hemispherical reflectance, (batch,)."""
-        ...
 
     def reflectance_and_gradient(
         self, stack: StackArrays, resolution: Any, leaf_names: LeafNames
