@@ -278,9 +278,10 @@ def coefficient_errors(chunk: Chunk, groups: Groups) -> Whitening:
     common = chunk.noise_covariance + chunk.smooth_covariance
     # Single precision does for what is added to these, and takes a third of the time.
     by = groups.slopes.astype(np.float32)
+    single = task._replace(errors=task.errors.astype(np.float32))
 
     def some(n: Block) -> Whitening:
-        caused = paints_covariance(task, by[n], groups.sets[n])
+        caused = paints_covariance(single, by[n], groups.sets[n])
         white = whitening(common[groups.row[n]] + caused)
         return white._replace(basis=white.basis.astype(np.float32))
 

@@ -86,7 +86,7 @@ class Searcher(NamedTuple):
         showing = IdentificationTask(
             response=film_response(instrument),
             paints=paints,
-            errors=relative_errors(resampled, discrepancy).astype(np.float32),
+            errors=relative_errors(resampled, discrepancy),
             modes=error_modes(resampled, discrepancy).astype(np.float32),
             wavelengths=grid,
             optics=Optics.of(instrument),

@@ -176,6 +176,8 @@ def film_table(
         )
         for size, shares in enumerate(_SHARES[:largest], start=1)
     ]
+    project = np.eye(ground.size)
+    middle = np.zeros(ground.size)
 
     def read(
         sets: np.ndarray, grid: np.ndarray, to: np.ndarray
@@ -194,18 +196,19 @@ def film_table(
 
         return by_blocks(len(sets) * len(grid), _FILMS_AT_A_TIME, run)
 
-    # Readings are projected to the components that films span.
-    some = []
-    for sets, grid in kinds:
-        # Sets from all over them, at every point of the grid.
-        some_sets = max(1, _FILMS_AT_A_TIME // len(grid))
-        chosen = np.linspace(0, len(sets) - 1, some_sets).astype(int)
-        some.append(read(sets[chosen], grid, white))
-    films = np.concatenate(some)
-    middle = films.mean(axis=0)
-    off = films - middle
-    # The directions in which films differ most; of few readings all.
-    project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
+    if ground.size > COMPONENTS:
+        # Many readings are projected to the components that films span.
+        some = []
+        for sets, grid in kinds:
+            # Sets from all over them, at every point of the grid.
+            some_sets = max(1, _FILMS_AT_A_TIME // len(grid))
+            chosen = np.linspace(0, len(sets) - 1, some_sets).astype(int)
+            some.append(read(sets[chosen], grid, white))
+        films = np.concatenate(some)
+        middle = films.mean(axis=0)
+        off = films - middle
+        # The directions in which films differ most.
+        project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
     # All sets at all amounts, in components.
     to_components = project @ white
     middle = project @ middle
