@@ -2,12 +2,10 @@
 looked at.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from zarr.storage import LocalStore, WrapperStore
-
-if TYPE_CHECKING:
-    from .store import MapStore
 
 
 class FinishedWindows(WrapperStore[LocalStore]):
@@ -15,15 +13,22 @@ class FinishedWindows(WrapperStore[LocalStore]):
 
     Args:
         store: the map's files, for reading.
-        of_map: which of its windows are finished, and what they should hold.
+        lacks: whether a key is that of a chunk whose window is not finished.
+        check: refuses what is stored under a key if it is damaged.
     """
 
-    def __init__(self, store: LocalStore, of_map: "MapStore"):
+    def __init__(
+        self,
+        store: LocalStore,
+        lacks: Callable[[str], bool],
+        check: Callable[[str, bytes | None], None],
+    ):
         super().__init__(store)
-        self._map = of_map
+        self._lacks = lacks
+        self._check = check
 
     def _with_store(self, store: LocalStore) -> "FinishedWindows":
-        return type(self)(store, self._map)
+        return type(self)(store, self._lacks, self._check)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
         """The bytes stored under a key; nothing of a window that is not finished.
@@ -31,12 +36,9 @@ class FinishedWindows(WrapperStore[LocalStore]):
         Raises:
             ValueError: a window that is damaged.
         """
-        window = self._map.window_of(key)
-        if window is None:
-            return await super().get(key, prototype, byte_range)
         # It is asked first: a window may be finished while it is read.
-        if not self._map.is_written(window):
+        if self._lacks(key):
             return None
         content = await super().get(key, prototype, byte_range)
-        self._map.check(window, key, None if content is None else content.to_bytes())
+        self._check(key, None if content is None else content.to_bytes())
         return content

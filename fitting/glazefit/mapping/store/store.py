@@ -226,18 +226,16 @@ class MapStore:
         """True for a finished window: it has its status, which is written last."""
         return (self.path / self._key(BY_NAME["status"], window)).exists()
 
-    def is_written(self, window: Window) -> bool:
-        """True for a window whose chunks should all be there: a finished one, and each of a map
-        that is complete.
-        """
-        return self.complete or self.is_done(window)
+    def lacks(self, key: str) -> bool:
+        """True if a key of zarr's names a chunk of a window that is not finished."""
+        window = self._window(key)
+        return window is not None and not self.complete and not self.is_done(window)
 
-    def check(self, window: Window, key: str, content: bytes | None) -> None:
-        """See that a chunk of a written window is as it was written.
+    def check(self, key: str, content: bytes | None) -> None:
+        """See that a chunk of a finished window is as it was written.
 
         Args:
-            window: that it belongs to.
-            key: of zarr's, for errors.
+            key: of zarr's; what is no chunk of an array is not checked.
             content: as it is stored; None if it is not there.
 
         Raises:
@@ -245,6 +243,9 @@ class MapStore:
         """
         from numcodecs.checksum32 import CRC32C
 
+        window = self._window(key)
+        if window is None:
+            return
         if content is None:
             raise self._damage(window, f"{key} is missing")
         try:
@@ -326,7 +327,7 @@ class MapStore:
                 )
             for leftover in self.path.rglob("*.part*"):
                 leftover.unlink(missing_ok=True)
-            for window in filter(self.is_written, self.windows()):
+            for window in self.windows() if self.complete else sorted(self.done()):
                 self._remove_damaged(window)
             yield
 
@@ -336,7 +337,7 @@ class MapStore:
         try:
             self._window_sums(window)
             for key, file in files.items():
-                self.check(window, key, file.read_bytes() if file.exists() else None)
+                self.check(key, file.read_bytes() if file.exists() else None)
         except ValueError as damage:
             message = f"{str(damage).removesuffix(_FIX)}, and is mapped again"
             warnings.warn(message, DamagedWindow, stacklevel=5)
@@ -356,10 +357,8 @@ class MapStore:
         index = (window.y0 // self.chunk[0], window.x0 // self.chunk[1])
         return "/".join(map(str, (variable.name, "c", *index, *(0 for _ in variable.further))))
 
-    def window_of(self, key: str) -> Window | None:
-        """The window whose chunk a key of zarr's names; None if it is that of no chunk of an
-        array.
-        """
+    def _window(self, key: str) -> Window | None:
+        """Whose chunk a key names; None if it is that of no chunk of an array."""
         name, _, index = key.partition("/c/")
         if not index or name not in BY_NAME:
             return None
@@ -389,14 +388,14 @@ def open_map(path: str | Path) -> "xarray.Dataset":
             when a damaged window is read.
         ModuleNotFoundError: xarray or zarr is not installed.
     """
-    require("xarray")
+    require("xarray", "zarr")
     import xarray
     from zarr.storage import LocalStore
 
     from .partial_store import FinishedWindows
 
     store = MapStore(path)
-    finished = FinishedWindows(LocalStore(store.path, read_only=True), store)
+    finished = FinishedWindows(LocalStore(store.path, read_only=True), store.lacks, store.check)
     try:
         # zarr lists arrays as they come.
         return xarray.open_zarr(finished, chunks=None)[sorted(BY_NAME)]
