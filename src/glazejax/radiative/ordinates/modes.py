@@ -162,7 +162,7 @@ def _from_table(albedo: Array, table: Float[np.ndarray, "rows terms"]) -> Array:
     # arithmetic would be.
     coefficients = jnp.asarray(table, albedo.dtype)
     values = jnp.tensordot(coefficients, polynomials, axes=1, precision="highest")
-    values = values.reshape(_PIECES, -1, *albedo.shape)
+    values = values.reshape(_PIECES, len(table) // _PIECES, *albedo.shape)
     in_piece = jnp.stack([piece == number for number in range(_PIECES)]).astype(albedo.dtype)
     return jnp.sum(values * in_piece[:, None], axis=0)
 
