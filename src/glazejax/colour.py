@@ -390,7 +390,31 @@ def encoded_srgb(linear: Any, xp: ModuleType = np) -> Any:
     """
     dark = linear <= _STRAIGHT
     above = xp.where(dark, 1.0, linear)
-    return xp.where(dark, 12.92 * linear, 1.055 * above ** (1 / 2.4) - 0.055)
+    power = 1.055 * (above ** (1 / 2.4) if xp is np else _root(above)) - 0.055
+    return xp.where(dark, 12.92 * linear, power)
+
+
+@jax.custom_jvp
+def _root(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """x^(1/2.4) of positive x: in float64 four times faster than its power, to a few units in the
+    last place.
+
+    The power in float32 and one step of Halley's iteration for y^12 = x^5, which leaves the cube of
+    its error.
+    """
+    if x.dtype != jnp.float64:
+        return x ** (1 / 2.4)
+    y = (x.astype(jnp.float32) ** (1 / 2.4)).astype(x.dtype)
+    square = y * y
+    fourth = square * square
+    residual = (x * x) * (x * x) * x / (fourth * fourth * fourth) - 1.0
+    return y * (1.0 + residual * (1.0 / 12.0 - (11.0 / 288.0) * residual))
+
+
+@_root.defjvp
+def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    root = _root(*primals)
+    return root, root / (2.4 * primals[0]) * tangents[0]
 
 
 def _screen_matrix(white: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -152,7 +152,8 @@ class Stack:
             ValueError: a paint that there is not, or paints and ground without common wavelengths.
         """
         shelf = paints(self)
-        return make_media(name_paints(self.shown, shelf), shelf, common_grid(self))
+        grid = common_grid(self, shelf)
+        return make_media(name_paints(self.shown, shelf), shelf, grid)
 
     def glaze(self, side: str = "white") -> Glaze:
         """The stack for `glazejax.reflectance`.
@@ -195,14 +196,13 @@ def paints(stack: Stack) -> Shelf:
     return {**all_paints(), **stack.pigments}
 
 
-def common_grid(stack: Stack) -> Bands:
+def common_grid(stack: Stack, shelf: Shelf) -> Bands:
     """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils
     without a coat.
 
     Raises:
         ValueError: they share none, or a paint is not known.
     """
-    shelf = paints(stack)
     grids = [
         shelf[find_name(name, shelf)].wavelengths for coat in stack.shown for _, name in coat.parts
     ]

@@ -258,7 +258,7 @@ def _check_kind(to: str, of_textures: list[str], of_openpbr: list[str]) -> None:
 def _stack(text: str, ground: str | None, index: float | None, pigments: Path | None) -> "Stack":
     """The stack of a file, or of coats as typed; options count before a file."""
     from ..paint.pigment_table import read_pigments
-    from ..stacks import Stack, all_paints, common_grid, read_stack
+    from ..stacks import Stack, all_paints, common_grid, paints, read_stack
 
     own_paints = {} if pigments is None else dict(read_pigments(pigments))
     if names_file(text):
@@ -275,7 +275,7 @@ def _stack(text: str, ground: str | None, index: float | None, pigments: Path | 
     stack = replace(stack, ground=below.level)
     # Looked at here, where the ground's file is known.
     with below.blame():
-        common_grid(stack)
+        common_grid(stack, paints(stack))
     return stack
 
 

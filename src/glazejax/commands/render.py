@@ -19,7 +19,7 @@ from .progress import follow, plain_console
 
 if TYPE_CHECKING:
     from ..paint.describe import Coat
-    from ..paint.media import Pigment
+    from ..paint.media import Mixture, Pigment
     from ..stacks import Stack
 
 
@@ -144,23 +144,19 @@ def render(
         _check_size(described)
     repeated = _ladder_layer(described, ladder)
     below = _ground_of(given) if ground is None else options.read_ground(ground)
-    drawn, notes = _on_shared_bands(
-        Stack(
-            described,
-            ground=below.level,
-            refractive_index=refractive_index,
-            instrument=seen_by.notation,
-            pigments=shelf,
-        ),
-        below,
-    )
+    media, bed = _lay(below, described, shelf)
 
+    from ..paint.media import Glaze, Layer
     from ..plots import load_matplotlib_ahead, save_picture
     from . import render_report as report
     from .plots import glaze_figure
     from .rendering import render as compute
 
-    glaze = drawn.glaze()
+    glaze = Glaze(
+        [Layer(medium, coat.total) for medium, coat in zip(media, described, strict=True)],
+        bed.on(media[0].wavelengths),
+        refractive_index,
+    )
     coat = described[repeated]
     load_matplotlib_ahead()
     solving = time.perf_counter()
@@ -182,7 +178,7 @@ def render(
             rendering,
             [coat.name for coat in described],
             title=" over ".join(present) or "No paint at all",
-            subtitle=f"on a ground of {below.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
+            subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  "
             f"{rendering.eye}",
             coat=f"{coat.name} {format_length(coat.thickness)}",
             marked=coat.repeats,
@@ -190,6 +186,13 @@ def render(
         # Files first: a pager that closes early must not lose them.
         save_picture(figure, out, dpi=100)
     if write_stack is not None:
+        drawn = Stack(
+            described,
+            ground=bed.level,
+            refractive_index=refractive_index,
+            instrument=seen_by.notation,
+            pigments=shelf,
+        )
         _write_stack(write_stack, drawn, overwrite)
     if csv is not None:
         _write_table(csv, rendering, described, overwrite)
@@ -201,13 +204,13 @@ def render(
         for weight, name in coat.parts
         if weight > 0
     }
-    remarks = [("note", words) for words in notes] + _remarks(used)
+    remarks = [("note", words) for words in bed.notes] + _remarks(used)
     if rendering.ladder.capped:
         remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
     lines = [
         *report.report_stack(
             described,
-            ground=below.words,
+            ground=bed.words,
             refractive_index=refractive_index,
             seen=seen,
             width=console.width,
@@ -329,27 +332,29 @@ def _shelf(
     return shelf if has_all(shelf) else options.all_named(shelf)
 
 
-def _on_shared_bands(stack: "Stack", ground: options.Ground) -> "tuple[Stack, tuple[str, ...]]":
-    """The stack, with a measured ground on the wavelengths that the paints cover too, and notes on
-    the ground.
-    """
+def _lay(
+    ground: options.Ground, coats: "Sequence[Coat]", shelf: "Mapping[str, Pigment]"
+) -> "tuple[list[Pigment | Mixture], options.Ground]":
+    """Paints of the coats, and the ground, on the wavelengths that all of them cover."""
+    from ..paint.media import make_media
     from ..spectra import describe_grid, same_grid
-    from ..stacks import Spectrum, common_grid
+    from ..stacks import Spectrum, Stack, common_grid
 
+    level = ground.level
     notes = ground.notes
     with ground.blame():
-        grid = common_grid(stack)
-    grids = [stack.pigments[name].wavelengths for coat in stack.coats for _, name in coat.parts]
-    if isinstance(stack.ground, Spectrum):
-        grids.append(stack.ground.wavelengths)
-        stack = replace(stack, ground=Spectrum(grid, stack.ground.on(grid)))
+        grid = common_grid(Stack(tuple(coats), ground=level), shelf)
+    grids = [shelf[name].wavelengths for coat in coats for _, name in coat.parts]
+    if isinstance(level, Spectrum):
+        grids.append(level.wavelengths)
+        level = Spectrum(grid, level.on(grid))
     if not all(same_grid(grid, other) for other in grids):
         note = (
             "pigments and ground differ in wavelengths; everything is computed at "
             f"{describe_grid(grid)}"
         )
         notes = (*notes, note)
-    return stack, notes
+    return make_media(coats, shelf, grid), ground._replace(level=level, notes=notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:

@@ -235,12 +235,13 @@ def _group(
     effect = np.hypot(effect[:, :size], effect[:, size:])
     counts = (effect > task.effort.trace_effect) | (effect == effect.max(axis=1, keepdims=True))
     main = np.sort(np.where(counts, sets, NOBODY), axis=1)
-    alike = np.column_stack([row, main])
+    key = row.astype(np.int64)
+    for paint in main.T:
+        key = key * (task.paint_count + 1) + (paint + 1)
     order = np.argsort(-log_weight, kind="stable")
-    _, first, of = np.unique(alike[order], axis=0, return_index=True, return_inverse=True)
+    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
     best = order[first]
-    # NumPy 2.0 gives the numbers of rows another shape.
-    return Groups(of.ravel()[np.argsort(order)], row[best], sets[best], slopes[best])
+    return Groups(of[np.argsort(order)], row[best], sets[best], slopes[best])
 
 
 def paints_covariance(

@@ -144,12 +144,13 @@ class Image:
         """
         used = self.used
         block = block[:, used].astype(np.float32, copy=False)
-        saturated = self.cube().attrs.get("saturated", np.inf)
         with np.errstate(invalid="ignore"):
             readings = block @ self.bands.mean[used].astype(np.float32)
-            full = (block.max(axis=1) >= saturated) | np.isposinf(block).any(axis=1)
+            full = block.max(axis=1) >= self.cube().attrs.get("saturated", np.inf)
+            odd = np.flatnonzero(~np.isfinite(readings).all(axis=1))
         # A product with a zero makes NaN of infinity: which of both it was, the pixel itself says.
-        readings[~np.isfinite(readings).all(axis=1)] = np.nan
+        full[odd] |= np.isposinf(block[odd]).any(axis=1)
+        readings[odd] = np.nan
         readings[full] = np.inf
         return readings
 

@@ -109,10 +109,16 @@ class Searched(Columns):
         """
         local = self.local.take(self.candidates[number])
         rest = self.rest[number]
-        # All that is linear in the change of the reading.
-        off, logs, colours, adjusted_colours = (
-            np.tensordot(change, slope, axes=(-1, -1))
+        count, bands = local.off.shape
+        # All that is linear in the change of the reading, in one product.
+        slopes = [
+            slope.reshape(-1, bands)
             for slope in (local.off_by, local.logs_by, local.seen_by, local.left_by)
+        ]
+        by = np.concatenate(slopes).T.copy()
+        ends = np.cumsum([len(slope) for slope in slopes])[:-1]
+        off, logs, colours, adjusted_colours = (
+            block.reshape(len(change), count, -1) for block in np.split(change @ by, ends, axis=1)
         )
         # Weights of the candidates at the new reading, and their odds.
         met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
@@ -131,9 +137,9 @@ class Searched(Columns):
         rows = np.arange(len(change))
         none = odds.none / total
         # One product for all spectra of the same first set.
-        amounts = local.amounts[first]
-        fitted = local.fitted[first]
-        for n in np.unique(first):
+        amounts = local.amounts[first].copy()
+        fitted = local.fitted[first].copy()
+        for n in np.flatnonzero(np.bincount(first, minlength=count)):
             group = np.flatnonzero(first == n)
             amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
             fitted[group] += change[group] @ local.fitted_by[n].T
@@ -175,7 +181,7 @@ def log_weight_gain(
     share = degrees / (freedom + now)
     shared = degrees / (freedom + before)
     volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
-    # Half a quadratic form and a linear one.
-    turned = 0.5 * np.einsum("snm,nmk->snk", logs, local.hessian)
+    # Half a quadratic form and a linear one, by products of each candidate's own matrices.
+    turned = 0.5 * np.matmul(logs.transpose(1, 0, 2), local.hessian).transpose(1, 0, 2)
     prior = np.einsum("snm,snm->sn", logs, turned + local.gradient)
     return met - prior - 0.5 * volume.sum(axis=-1)

@@ -6,7 +6,7 @@ compiled program.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,22 +17,21 @@ from ..shapes import Box, Mesh, Plane, Shape, Sphere, plane_frame, rotation
 from .triangles import TriangleCaster, Triangles, Vectors, dot, make_triangles, triangle_surface
 
 
-class Solids(NamedTuple):
-    """Shapes of one kind, each with axes of its own."""
-
-    place: Float[np.ndarray, "solids 3"]
-    """Centres, or points of endless planes."""
-    frame: Float[np.ndarray, "solids 3 3"]
-    """Rows: the axes, of a plane along the width, along the height, and the normal."""
-    half: Float[np.ndarray, "solids 3"]
-    """Half the length along each axis; infinite where a plane is endless."""
-
-
 class Geometry(NamedTuple):
     """Shapes as arrays, kind by kind: first all spheres, then planes, boxes and meshes."""
 
-    solids: tuple[Solids, Solids, Solids]
-    """Spheres, planes and boxes."""
+    centres: Float[np.ndarray, "spheres 3"]
+    radii: Float[np.ndarray, "spheres"]
+    points: Float[np.ndarray, "planes 3"]
+    frames: Float[np.ndarray, "planes 3 3"]
+    """Rows: along the width, along the height, normal."""
+    halves: Float[np.ndarray, "planes 2"]
+    """Half of width and height; infinite where the plane is endless."""
+    middles: Float[np.ndarray, "boxes 3"]
+    sides: Float[np.ndarray, "boxes 3"]
+    """Half the length of each side."""
+    turns: Float[np.ndarray, "boxes 3 3"]
+    """Rows: the box's own axes."""
     triangles: Triangles | None
     material: Int[np.ndarray, "shapes"]
     """Number of the material of each shape, in the order of the kinds."""
@@ -82,6 +81,9 @@ def make_geometry(shapes: Sequence[Shape], materials: Iterable[str]) -> Geometry
     Raises:
         ValueError: there is a mesh, but no trimesh.
     """
+    spheres = [shape for shape in shapes if isinstance(shape, Sphere)]
+    planes = [shape for shape in shapes if isinstance(shape, Plane)]
+    boxes = [shape for shape in shapes if isinstance(shape, Box)]
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     order = [
         k
@@ -90,32 +92,34 @@ def make_geometry(shapes: Sequence[Shape], materials: Iterable[str]) -> Geometry
         if isinstance(shape, kind)
     ]
     number = {name: k for k, name in enumerate(materials)}
-    spheres = _solids(
-        [(s.centre, np.eye(3), np.full(3, s.radius)) for s in shapes if isinstance(s, Sphere)]
-    )
-    planes = _solids(
-        [(p.point, plane_frame(p), _plane_half(p)) for p in shapes if isinstance(p, Plane)]
-    )
-    boxes = _solids(
-        [
-            (b.centre, rotation(b.rotation).T, np.asarray(b.size, float) / 2)
-            for b in shapes
-            if isinstance(b, Box)
-        ]
-    )
-    # How far all shapes reach gives the scene's size; a plane counts by its point.
+    before = len(order) - len(meshes)
+    centres = _rows([s.centre for s in spheres], 3)
+    radii = np.array([s.radius for s in spheres], float)
+    points = _rows([p.point for p in planes], 3)
+    middles = _rows([b.centre for b in boxes], 3)
+    sides = _rows([b.size for b in boxes], 3) / 2
+    # How far all shapes reach gives the scene's size; an endless plane counts by its point.
     reaches = [
-        np.abs(spheres.place) + spheres.half,
-        np.abs(planes.place),
-        np.abs(boxes.place) + 2.0 * boxes.half,
+        np.abs(centres) + radii[:, None],
+        np.abs(points),
+        np.abs(middles) + 2.0 * sides,
         *(np.abs(np.asarray(m.vertices, float)) for m in meshes),
     ]
     size = np.concatenate(reaches).max(initial=1.0)
     # A ray that leaves a shape meets it again, by rounding, nearer than half of the digits.
     rounding = np.sqrt(np.finfo(jnp.result_type(float)).eps)
-    triangles = make_triangles(meshes, len(order) - len(meshes)) if meshes else None
+    triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
-        solids=(spheres, planes, boxes),
+        centres=centres,
+        radii=radii,
+        points=points,
+        frames=np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
+        halves=np.array(
+            [(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]
+        ).reshape(-1, 2),
+        middles=middles,
+        sides=sides,
+        turns=np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
         triangles=triangles,
         material=np.array([number[shapes[k].material] for k in order]),
         order=np.array(order),
@@ -124,18 +128,8 @@ def make_geometry(shapes: Sequence[Shape], materials: Iterable[str]) -> Geometry
     )
 
 
-def _solids(rows: list[tuple[Any, np.ndarray, np.ndarray]]) -> Solids:
-    """Solids of their places, axes and halves."""
-    return Solids(
-        place=np.array([place for place, _, _ in rows], float).reshape(-1, 3),
-        frame=np.array([frame for _, frame, _ in rows]).reshape(-1, 3, 3),
-        half=np.array([half for _, _, half in rows], float).reshape(-1, 3),
-    )
-
-
-def _plane_half(plane: Plane) -> Float[np.ndarray, "3"]:
-    """Half of width and height; what lies along the normal plays no part."""
-    return np.full(3, np.inf) if plane.size is None else np.append(plane.size, np.inf) / 2
+def _rows(values: list, width: int) -> np.ndarray:
+    return np.array(values, float).reshape(-1, width)
 
 
 def nearest(
@@ -181,52 +175,59 @@ def _nearest_solid(
     best = limit
     shape = jnp.full(limit.shape, -1)
     before = 0
-    for distances, solids in zip((_spheres, _planes, _boxes), geometry.solids, strict=True):
-        if not len(solids.half):
+    for distances, count in (
+        (_spheres, len(geometry.radii)),
+        (_planes, len(geometry.points)),
+        (_boxes, len(geometry.sides)),
+    ):
+        if not count:
             continue
-        # Start and direction in each solid's own axes.
-        start = dot((origin[:, None] - solids.place)[..., None, :], solids.frame)
-        slope = dot(direction[:, None, None], solids.frame)
-        met = distances(jnp.asarray(solids.half), start, slope)
+        met = distances(geometry, origin, direction)
         # The nearest of this kind, where it is nearer than all kinds before.
         near = jnp.min(met, axis=1)
         shape = jnp.where(near < best, before + jnp.argmin(met, axis=1), shape)
         best = jnp.minimum(near, best)
-        before += len(solids.half)
+        before += count
     return best, shape
 
 
-def _spheres(half: Array, start: Array, slope: Array) -> Array:
+def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to spheres, (rays, spheres); infinite where missed."""
+    between = jnp.subtract(geometry.centres, origin[:, None])
     # Distance along the ray to the point next to the centre.
-    along = -dot(start, slope)
+    along = dot(between, direction[:, None])
     # The distance of the ray from the centre, rather than a difference of large squares.
-    aside = start + along[..., None] * slope
-    half_square = half[:, 0] ** 2 - dot(aside, aside)
-    half_chord = jnp.sqrt(jnp.maximum(half_square, 0.0))
-    first = along - half_chord
-    second = along + half_chord
+    aside = between - along[..., None] * direction[:, None]
+    half_square = geometry.radii**2 - dot(aside, aside)
+    half = jnp.sqrt(jnp.maximum(half_square, 0.0))
+    first = along - half
+    second = along + half
     # From inside a sphere the second crossing lies ahead.
     met = jnp.where(first > 0, first, second)
     return jnp.where((half_square >= 0) & (met > 0), met, jnp.inf)
 
 
-def _planes(half: Array, start: Array, slope: Array) -> Array:
+def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to planes, (rays, planes); infinite where missed."""
+    # Start and direction in each plane's own axes, the third along its normal.
+    offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - geometry.points, geometry.frames)
+    slope = jnp.einsum("rk,pak->rpa", direction, geometry.frames)
     parallel = slope[..., 2] == 0
-    met = jnp.where(parallel, -1.0, -start[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
+    met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
     # Where on the rectangle it is met; an endless plane has infinite halves.
-    local = jnp.abs(start[..., :2] + met[..., None] * slope[..., :2])
-    return jnp.where((met > 0) & jnp.all(local <= half[:, :2], axis=-1), met, jnp.inf)
+    local = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
+    return jnp.where((met > 0) & jnp.all(local <= geometry.halves, axis=-1), met, jnp.inf)
 
 
-def _boxes(half: Array, start: Array, slope: Array) -> Array:
+def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array:
     """Distances to boxes, (rays, boxes); infinite where missed."""
-    # A box is what lies between three pairs of faces. A ray along a face gets a slope that is tiny
-    # but not zero, so that no 0/0 can arise.
+    # In the box's own axes it is what lies between three pairs of faces.
+    start = jnp.einsum("rbk,bak->rba", origin[:, None] - geometry.middles, geometry.turns)
+    slope = jnp.einsum("rk,bak->rba", direction, geometry.turns)
+    # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
-    low = (-half - start) / slope
-    high = (half - start) / slope
+    low = (-geometry.sides - start) / slope
+    high = (geometry.sides - start) / slope
     # Inside all three pairs at once: from the last entry to the first exit.
     enter = jnp.max(jnp.minimum(low, high), axis=-1)
     leave = jnp.min(jnp.maximum(low, high), axis=-1)
@@ -243,15 +244,13 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
     face = normal
     before = 0
     parts = []
-    kinds = (_sphere_surface, _plane_surface, _box_surface)
-    for kind, solids in zip(kinds, geometry.solids, strict=True):
-        count = len(solids.half)
+    for kind, count in (
+        (_sphere_surface, len(geometry.radii)),
+        (_plane_surface, len(geometry.points)),
+        (_box_surface, len(geometry.sides)),
+    ):
         if count:
-            which = jnp.clip(hit.shape - before, 0, count - 1)
-            place, frame, half = (jnp.asarray(values)[which] for values in solids)
-            local_normal, its_uv = kind(half, dot((point - place)[:, None], frame))
-            # From the solid's own axes to the scene's.
-            its_normal = jnp.sum(local_normal[..., None] * frame, axis=1)
+            its_normal, its_uv = kind(geometry, point, jnp.clip(hit.shape - before, 0, count - 1))
             parts.append((before, its_normal, its_normal, its_uv))
             before += count
     if geometry.triangles is not None:
@@ -269,29 +268,32 @@ def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Su
     return SurfacePoints(normal, face, uv)
 
 
-def _sphere_surface(half: Array, local: Array) -> tuple[Array, Array]:
-    """Normal in the sphere's own axes, and u and v, at points there."""
-    normal = local / half
+def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    normal = (point - jnp.asarray(geometry.centres)[which]) / jnp.asarray(geometry.radii)[
+        which, None
+    ]
     # Longitude and latitude.
     u = 0.5 + jnp.arctan2(normal[:, 1], normal[:, 0]) / (2 * jnp.pi)
     v = 0.5 + jnp.arcsin(jnp.clip(normal[:, 2], -1.0, 1.0)) / jnp.pi
     return normal, jnp.stack([u, v], axis=-1)
 
 
-def _plane_surface(half: Array, local: Array) -> tuple[Array, Array]:
-    """The same of a plane, whose normal is its third axis."""
-    normal = jnp.broadcast_to(jnp.array([0.0, 0.0, 1.0], local.dtype), local.shape)
+def _plane_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    frame = jnp.asarray(geometry.frames)[which]
+    local = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.points)[which], frame[:, :2])
+    half = jnp.asarray(geometry.halves)[which]
     endless = ~jnp.isfinite(half)
-    uv = jnp.where(endless, local, 0.5 + 0.5 * local / jnp.where(endless, 1.0, half))
-    return normal, uv[:, :2]
+    return frame[:, 2], jnp.where(endless, local, 0.5 + 0.5 * local / jnp.where(endless, 1.0, half))
 
 
-def _box_surface(half: Array, local: Array) -> tuple[Array, Array]:
-    """The same of a box."""
-    local = local / half
+def _box_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    turn = jnp.asarray(geometry.turns)[which]
+    local = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.middles)[which], turn)
+    local = local / jnp.asarray(geometry.sides)[which]
     # The face of the axis along which the point lies farthest out.
     axis = jnp.argmax(jnp.abs(local), axis=-1)
-    normal = jnp.where(jnp.arange(3) == axis[:, None], jnp.sign(local), 0.0)
+    sign = jnp.sign(jnp.take_along_axis(local, axis[:, None], axis=1))
+    normal = sign * jnp.take_along_axis(turn, axis[:, None, None], axis=1)[:, 0]
     # u and v run along the two other axes.
     across = jnp.asarray([[1, 2], [0, 2], [0, 1]])[axis]
     return normal, 0.5 + 0.5 * jnp.take_along_axis(local, across, axis=1)
