@@ -4,6 +4,7 @@ Options are annotations, `instrument: Annotated[str | None, instrument_option("d
 readers turn what was typed into what the library takes, and name the option in their errors.
 """
 
+import csv
 import functools
 import math
 import os
@@ -625,8 +626,6 @@ def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) 
     Raises:
         ValueError: as `find_paints`.
     """
-    from ..paint.pigment_table import read_columns
-
     known: list[str] = []
     families: dict[str, str] = {}
     if shelf is not None or pigments is None:
@@ -637,16 +636,36 @@ def check_names(names: Iterable[str], pigments: Path | None, shelf: str | None) 
         if not pigments.is_file():
             return
         try:
-            columns, _ = read_columns(pigments)
-        except ValueError:
-            # What is wrong with the table is said where its paints are made.
+            known += _names_in(pigments)
+        except (KeyError, csv.Error):
+            # What is wrong with the table is said where it is read whole.
             return
-        known += columns
     for other in catalogue.names():
         known += [f"{other}:{name}" for name in catalogue.paint_families(other)]
     known += filter(None, families.values())
     for name in names:
         _full_name(name, known)
+
+
+def _names_in(pigments: Path) -> list[str]:
+    """Names in a table of paints, without the modules that `read_pigments` needs.
+
+    Raises:
+        KeyError: there is no column of names.
+        csv.Error, OSError, ValueError: it cannot be read, or is not text.
+    """
+    from ..io.source import open_source
+    from ..io.words import unshield_name
+
+    with open_source(pigments) as source:
+        lines = (line for _, line in source.lines() if line.strip() and not line.startswith("#"))
+        rows = csv.reader(lines)
+        titles = [title.strip() for title in next(rows, [])]
+        if "pigment" not in titles:
+            raise KeyError("pigment")
+        column = titles.index("pigment")
+        cells = (row[column].strip() for row in rows if len(row) > column)
+        return list(dict.fromkeys(map(unshield_name, cells)))
 
 
 def check_coats(text: str, pigments: Path | None, shelf: str | None = None) -> None:

@@ -8,17 +8,13 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..io.source import open_source, refusal, show_path
+from ..io.source import Source, open_source, show_path
 from ..io.words import read_number, unshield_name
 from ..io.write import table_bytes, write_files
-
-if TYPE_CHECKING:
-    # Names of paints are checked before what a paint is made of is loaded.
-    from .media import Pigment
+from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
 _OPTIONAL = ("absorption_sd", "scattering_sd", "identifiable")
@@ -30,7 +26,7 @@ _Columns = dict[str, list[float]]
 _Refusal = Callable[[str], ValueError]
 
 
-def read_pigments(path: str | Path, provenance: str = "") -> "dict[str, Pigment]":
+def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     """Read pigments from a CSV file.
 
     Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m),
@@ -46,19 +42,6 @@ def read_pigments(path: str | Path, provenance: str = "") -> "dict[str, Pigment]
         FileNotFoundError: no such file.
         ValueError: a column is missing, a cell is not a finite number, or a pigment's wavelengths
             do not ascend or its coefficients are negative; the message names file and line.
-    """
-    path = Path(path)
-    pigments, comments = read_columns(path)
-    provenance = provenance or " ".join(comments)
-    return {name: _pigment(path, name, columns, provenance) for name, columns in pigments.items()}
-
-
-def read_columns(path: Path) -> tuple[dict[str, _Columns], list[str]]:
-    """Columns of each pigment of a table by its name, in the order of the file, and the table's
-    lines of comment.
-
-    Raises:
-        FileNotFoundError, ValueError: as `read_pigments`, but for wavelengths and coefficients.
     """
     comments: list[str] = []
     header: list[str] = []
@@ -100,7 +83,10 @@ def read_columns(path: Path) -> tuple[dict[str, _Columns], list[str]]:
             raise source.error("the file is empty")
         if not pigments:
             raise source.error("there is a header but no pigment below it")
-    return pigments, comments
+        provenance = provenance or " ".join(comments)
+        return {
+            name: _pigment(source, name, columns, provenance) for name, columns in pigments.items()
+        }
 
 
 def _add(
@@ -160,9 +146,7 @@ def _modes(columns: _Columns) -> np.ndarray | None:
     return modes if np.all(np.isfinite(modes)) else None
 
 
-def _pigment(path: Path, name: str, columns: _Columns, provenance: str) -> "Pigment":
-    from .media import Pigment
-
+def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
     def find_column(title: str) -> list[float] | None:
         values = columns.get(title, [])
         # A standard deviation that is missing or infinite in one band is left out for all.
@@ -176,15 +160,15 @@ def _pigment(path: Path, name: str, columns: _Columns, provenance: str) -> "Pigm
             scattering_sd=find_column("scattering_sd"),
             identifiable=columns.get("identifiable"),
             error_modes=_modes(columns),
-            provenance=provenance or f"from {path}",
+            provenance=provenance or f"from {source.path}",
         )
     except ValueError as error:
-        raise refusal(path, f"pigment {name!r}: {error}") from None
+        raise source.error(f"pigment {name!r}: {error}") from None
 
 
 def write_pigments(
     path: str | Path,
-    pigments: "Iterable[Pigment]",
+    pigments: Iterable[Pigment],
     comments: Sequence[str] = (),
     *,
     digits: int | None = None,
@@ -210,7 +194,7 @@ def write_pigments(
 
 
 def pigment_rows(
-    pigments: "Sequence[Pigment]", digits: int | None
+    pigments: Sequence[Pigment], digits: int | None
 ) -> tuple[list[str], list[list[object]]]:
     """Titles and rows of a table of pigments; of an error mode three digits, and no more than five
     behind the point.
