@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from glazejax.geometry import Geometry
     from glazejax.io.quantity import Stated
+    from glazejax.io.spectra_table import SpectraTable
 
     from ..film.films import Films, Instrument, Noise, Reading
     from .coats import CoatPrior
@@ -179,8 +180,9 @@ def posterior(
 
     from glazejax.spectra import common_range
 
-    from ..film.films import Instrument, Noise
+    from ..film.films import Films, Instrument, Noise
     from ..film.model.errors import Prior
+    from ..film.shared_bands import PAINTS_KNOWN, crop
     from .coats import CoatPrior, parse_coats
 
     console = progress.plain_console()
@@ -190,21 +192,29 @@ def posterior(
     shelf = {} if bands else options.read_shelf(pigments, catalogue)
     stack = parse_coats(coats, options.all_named(shelf), prior.spread) if coats else ()
     stated = options.stated(quantity, unit, scale)
-    if file is not None and not (named or coats or bands):
-        named = _recipe(file, sample, stated, over_cards=ground is None)
+    measured: Films | SpectraTable | None = None
+    if file is not None:
+        measured = (
+            _only_film(file, sample, stated, seen_by)
+            if ground is None
+            else _only_spectrum(file, sample, stated)
+        )
+        if not (named or coats or bands):
+            named = _recipe(file, measured.names[0])
     made_of = list(options.find_paints(named, shelf).values())
     layers = stack or (CoatPrior(made_of),)
-    if file is None:
+    grids = [paint.wavelengths for coat in layers for paint in coat.paints]
+    # Without a paint nothing bounds the bands.
+    reach = common_range(grids) if grids else (0.0, math.inf)
+    film: Films | Reading
+    if file is None or measured is None:
         film = _simulate(layers, usual, seen_with, errors, seed=seed, console=console)
+    elif isinstance(measured, Films):
+        film = crop(measured, *reach, PAINTS_KNOWN)
+        progress.print_notes(console, file, film.notes)
     else:
-        grids = [paint.wavelengths for coat in layers for paint in coat.paints]
-        # Without a paint nothing bounds the bands.
-        reach = common_range(grids) if grids else (0.0, math.inf)
-        film = (
-            _film(file, sample, stated, reach, seen_by, console)
-            if ground is None
-            else _spectrum(file, sample, stated, ground, reach, noise=errors, console=console)
-        )
+        assert ground is not None
+        film = _over_ground(file, measured, ground, reach, noise=errors, console=console)
     folder.mkdir(parents=True, exist_ok=True)
     with progress.follow("finding the mode (the first run compiles for up to a minute)") as report:
         from .posterior import posterior_of_bands, posterior_of_coats, posterior_of_film
@@ -344,81 +354,64 @@ def _simulate(
     return film
 
 
-def _film(
-    file: Path,
-    sample: str,
-    stated: "Stated",
-    reach: tuple[float, float],
-    geometry: "Geometry",
-    console: "Console",
-) -> "Films":
-    """The film of a file that was read over both cards."""
-    from ..film.readers import read_films
-    from ..film.shared_bands import PAINTS_KNOWN, crop
-
-    films = read_films(file, specular=bool(geometry.sees_surface), **stated)
-    films = crop(films, *reach, PAINTS_KNOWN)
-    progress.print_notes(console, file, films.notes)
-    return films.select([sample or _only_film(file, films.names)])
-
-
-def _only_film(file: Path, names: Sequence[str]) -> str:
-    """The film of a file that holds one."""
+def _only_film(file: Path, sample: str, stated: "Stated", geometry: "Geometry") -> "Films":
+    """The film that is called so, of the file's only one if none is named, read over both cards."""
     from glazejax.io.spectra_table import there_are
 
-    if len(names) != 1:
+    from ..film.readers import read_films
+
+    films = read_films(file, specular=bool(geometry.sees_surface), **stated)
+    if not sample and len(films) != 1:
         raise ValueError(
-            f"{file} holds {len(names)} films; choose one with --sample ({there_are('', names)})"
+            f"{file} holds {len(films)} films; choose one with --sample "
+            f"({there_are('', films.names)})"
         )
-    return names[0]
+    return films.select([sample or films.names[0]])
 
 
-def _spectrum(
+def _only_spectrum(file: Path, sample: str, stated: "Stated") -> "SpectraTable":
+    """The spectrum that is called so, or the file's only one if none is named."""
+    from glazejax.io import read_spectra
+    from glazejax.io.spectra_table import SpectraTable, row_of
+
+    table = read_spectra(file, **stated)
+    row = row_of(table.names, sample, str(file), "--sample ")
+    return SpectraTable(
+        wavelengths=table.wavelengths,
+        names=(table.names[row],),
+        reflectance=table.reflectance[[row]],
+        notes=table.notes,
+    )
+
+
+def _over_ground(
     file: Path,
-    sample: str,
-    stated: "Stated",
+    spectrum: "SpectraTable",
     ground: str,
     reach: tuple[float, float],
     *,
     noise: "Noise",
     console: "Console",
 ) -> "Reading":
-    """A spectrum over the ground that was stated."""
-    from glazejax.io import read_spectra
-    from glazejax.io.spectra_table import row_of
-
+    """A spectrum over the ground that was stated, on the bands that its paints reach."""
     from ..film.films import reading_over
     from ..film.shared_bands import PAINTS_KNOWN, crop_bands
 
     below = options.read_ground(ground)
-    table = read_spectra(file, **stated)
-    progress.print_notes(console, file, table.notes)
+    progress.print_notes(console, file, spectrum.notes)
     progress.print_notes(console, "--ground", below.notes)
-    row = row_of(table.names, sample, str(file), "--sample ")
-    grid, mean, notes = crop_bands(table.wavelengths, *reach, PAINTS_KNOWN)
+    grid, mean, notes = crop_bands(spectrum.wavelengths, *reach, PAINTS_KNOWN)
     progress.print_notes(console, file, notes)
-    return reading_over(
-        grid, table.reflectance[row] @ mean, below.on(grid), noise=noise, name=table.names[row]
-    )
+    (name,), (reflectance,) = spectrum.names, spectrum.reflectance
+    return reading_over(grid, reflectance @ mean, below.on(grid), noise=noise, name=name)
 
 
-def _recipe(file: Path, sample: str, stated: "Stated", *, over_cards: bool) -> list[str]:
-    """Paints of the film or spectrum, of the file's only one if none is named."""
-    from glazejax.io import read_spectra
-    from glazejax.io.spectra_table import row_of
-
-    from ..film.readers import NAMES_FILE, read_films, read_recipes
+def _recipe(file: Path, sample: str) -> list[str]:
+    """Paints of the film or spectrum by the list of names in the file's folder."""
+    from ..film.readers import NAMES_FILE, read_recipes
 
     path = file.parent / NAMES_FILE
-    recipe = None
-    if path.is_file():
-        recipes = read_recipes(path)
-        if not sample and over_cards:
-            sample = _only_film(file, read_films(file, **stated).names)
-        elif not sample:
-            names = read_spectra(file, **stated).names
-            sample = names[row_of(names, "", str(file), "--sample ")]
-        recipe = recipes.get(sample)
+    recipe = read_recipes(path).get(sample) if path.is_file() else None
     if not recipe:
         where = (
             f"and {path} does not say"
