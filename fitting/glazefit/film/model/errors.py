@@ -124,7 +124,7 @@ class Prior:
         unknown: probability that paints of the catalogue do not explain the film.
         error: median relative error of the mixture's k and s.
         error_spread: standard deviation of its logarithm.
-        error_length: wavelengths over which that error changes, nm.
+        error_length: distance over which that error stays similar, nm; by default that of a search.
 
     Raises:
         ValueError: a value out of range.
@@ -139,7 +139,7 @@ class Prior:
     unknown: float = 0.4
     error: float = 0.05
     error_spread: float = 1.0
-    error_length: float = 60.0
+    error_length: float = ModelError.coefficient_length
 
     def __post_init__(self) -> None:
         if not 0 < self.thickness <= 0.01:
