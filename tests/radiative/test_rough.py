@@ -263,6 +263,15 @@ def test_what_must_be_known_is_not_traced(unchecked):
         )(1.5)
     with refusal("refractive_index is traced"):
         jax.jit(lambda n: rough_ports([0.5], [1.0], refractive_index=n))(1.5)
+    # A slope by either would come out as 0.
+    with refusal("roughness must be one known number"):
+        jax.grad(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
+    with refusal("refractive_index is traced"):
+        jax.grad(
+            lambda n: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n)
+        )(1.5)
+    with refusal("refractive_index is traced"):
+        jax.jvp(lambda n: rough_ports([0.5], [1.0], refractive_index=n), (1.5,), (1.0,))
     with refusal("mirror direction only"):
         surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with refusal("azimuth holds nan"):

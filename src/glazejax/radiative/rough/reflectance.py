@@ -11,13 +11,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...spectra import concrete
 from ..common.inputs import (
     BatchOfStacks,
     Numbers,
     batch_of_stacks,
     check_tolerance,
     check_values,
-    concrete,
 )
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from .body import Lit, Surface, reflectance
@@ -65,8 +65,8 @@ def rough_reflectance_factor(
 
     Raises:
         ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or
-            an index that is
-            traced: the surface's operators are made once for each pair of them.
+            an index that is traced or differentiated by: the surface's operators are made once for
+            each pair of them.
 
     Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
     """
@@ -152,7 +152,7 @@ def by_index(
     if indices is None:
         raise ValueError(
             "refractive_index is traced, but a surface's operators need known numbers: under jit "
-            "or vmap pass it as a static argument"
+            "or vmap pass it as a static argument, and take slopes by it by differences"
         )
     check_values({"refractive_index": indices})
     # The index belongs to the surface; the stacks are solved without it.

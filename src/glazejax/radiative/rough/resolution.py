@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..common.inputs import INDEX_RANGE, Numbers, concrete
+from ...spectra import concrete
+from ..common.inputs import INDEX_RANGE, Numbers
 from ..common.rounding import warn_user
 from .basis import Size
 from .body import Surface
@@ -42,7 +43,7 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
     if value is None or value.ndim:
         raise ValueError(
             "roughness must be one known number: under jit or vmap pass it as a static "
-            "argument, and call once for each roughness"
+            "argument, call once for each roughness, and take slopes by it by differences"
         )
     number = float(value)
     if not 0.0 <= number <= 1.0:
@@ -53,7 +54,7 @@ def check_surface(roughness: Any, refractive_index: Numbers) -> float:
         if index is None:
             raise ValueError(
                 "refractive_index is traced, but a rough surface needs known numbers: under jit "
-                "or vmap pass it as a static argument"
+                "or vmap pass it as a static argument, and take slopes by it by differences"
             )
         low = LEAST_INDEX
         high = INDEX_RANGE[1]
