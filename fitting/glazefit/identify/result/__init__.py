@@ -37,7 +37,8 @@ class Candidate:
 
     Attributes:
         paints: names, largest fraction first; of two coats, the upper one's first.
-        fractions: by mass, of all paint in the film; sum 1.
+        fractions: by mass, of all paint in the film, most probable with errors of the paints' k and
+            s allowed; sum 1.
         fractions_sd: standard deviations.
         coats: coat of each paint, 0 the uppermost.
         fractions_90: their 90 % intervals, (paints, 2).
@@ -49,7 +50,8 @@ class Candidate:
         condition: how the film lies if not bare over its stated ground, such as "under a yellowed
             varnish"; empty if so.
         gloss: share of the surface's reflection in the readings.
-        fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
+        fitted, residual: readings of the mixture of these paints that comes nearest, and measured
+            minus these, (grounds, bands).
         rmse: of the residual.
         angle: spectral angle between measured and fitted, degrees; the largest over the grounds.
         delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give
@@ -135,7 +137,8 @@ class Identification(Tabulated):
         members: paints of each candidate by number, most probable first, `NOBODY` where there is
             none, (spectra, candidates, 3).
         coats: coat of each, 0 the uppermost.
-        amounts: thickness times fraction of each, m; 0 where there is no paint.
+        amounts: thickness times fraction of each, m, most probable with errors of the paints' k and
+            s allowed; 0 where there is no paint.
         log_covariance: of the log amounts, (spectra, candidates, 3, 3).
         probability: posterior, (spectra, candidates).
         none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
@@ -148,7 +151,8 @@ class Identification(Tabulated):
         paint_probability: of each paint to be in the film, over all candidates looked at, (spectra,
             paints).
         gloss: share of the surface's reflection, (spectra, candidates).
-        fitted: readings, (spectra, candidates, grounds, bands).
+        fitted: readings of the mixture of these paints that comes nearest, (spectra, candidates,
+            grounds, bands).
         condition: under which each was searched, a number of
             `search.unstated_conditions.CONDITIONS`; 0 is as stated.
         opaque: whether the films were said to hide their ground.
@@ -521,7 +525,7 @@ class Identification(Tabulated):
             paints=paints,
             members=top.members,
             coats=top.coats,
-            amounts=np.exp(top.logs),
+            amounts=np.exp(top.weighed),
             log_covariance=top.covariance,
             probability=np.take_along_axis(probability, best, axis=1),
             none=odds.none / total,

@@ -26,8 +26,8 @@ class Pool(Columns):
 
     members: Int[np.ndarray, "spectra candidates 3"]
     coats: Int[np.ndarray, "spectra candidates 3"]
-    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts, as they are shown
-    weighed: Float[np.ndarray, "spectra candidates 3"]  # and as they are weighed
+    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts that come nearest the readings
+    weighed: Float[np.ndarray, "spectra candidates 3"]  # and the most probable ones
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
     log_weight: PerCandidate  # log evidence and log prior of the set
     readings: CandidateReadings

@@ -77,13 +77,14 @@ class Groups(NamedTuple):
 
 
 def refine(chunk: Chunk, pool: Pool) -> Pool:
-    """The best of a pool with errors of their own, and with amounts that come near the readings, as
-    a mixture is shown.
+    """The best of a pool with errors of their own, and with readings that come near the measured
+    ones.
 
     Sets far behind the best get a weight of -inf. Two kinds of amounts are kept. The most probable
-    ones allow for errors of the paints' k and s, and probabilities follow from them. But they may
-    put down to such errors what slightly other amounts would explain, so that a mixture by them
-    would miss the reading. The amounts that are shown are therefore fitted without these errors.
+    ones allow for errors of the paints' k and s: probabilities follow from them, and they are
+    reported. But they may put down to such errors what slightly other amounts would explain, so
+    that a mixture by them would miss the reading. How near a set comes is therefore judged by
+    amounts that are fitted without these errors.
     """
     task = chunk.task
     ranked = np.argsort(-pool.log_weight, axis=1, kind="stable")
@@ -105,8 +106,8 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     fitted, groups, _ = fit_with_errors(
         chunk, row, sets, fitted.logs[stay], fitted.log_evidence[stay], along=True
     )
-    # Amounts that are shown come near the readings, those that are weighed are kept separately.
-    shown = fit_all(
+    # Amounts that come near the readings; those that are weighed are kept separately.
+    near = fit_all(
         chunk,
         row,
         sets,
@@ -123,10 +124,10 @@ def refine(chunk: Chunk, pool: Pool) -> Pool:
     pool.log_weight[row, column] = fitted.log_evidence
     pool.covariance[:] = 0.0
     pool.covariance[row, column, places, places] = np.where(unknown, 0.0, fitted.covariance)
-    pool.logs[row, column, places] = np.where(absent, -np.inf, shown.logs)
+    pool.logs[row, column, places] = np.where(absent, -np.inf, near.logs)
     pool.weighed[row, column, places] = np.where(absent, -np.inf, fitted.logs)
-    pool.readings[row, column] = shown.readings
-    pool.adjusted[row, column] = move_readings(chunk, shown.readings, groups)
+    pool.readings[row, column] = near.readings
+    pool.adjusted[row, column] = move_readings(chunk, near.readings, groups)
     return pool
 
 

@@ -268,7 +268,7 @@ class Chunk:
 
     @cached_property
     def tolerance(self) -> FlatReadings:
-        """Distance that counts as near to each reading when amounts and gloss are shown."""
+        """Distance that counts as near to each reading, of the nearest amounts and gloss."""
         # Near black .005, and .02 for each unit of reflectance.
         near = np.hypot(self.spectra.noise_sd, 0.005 + 0.02 * self.spectra.readings)
         return near.reshape(len(self), -1)
@@ -298,14 +298,14 @@ class Chunk:
 
     @property
     def tolerance_covariance(self) -> Covariances:
-        """`noise_covariance` with what counts as near in place of noise, for the amounts that are
-        shown: these must not put a residual down to smooth errors of the paints.
+        """`noise_covariance` with what counts as near in place of noise, for the amounts that come
+        nearest: these must not put a residual down to smooth errors of the paints.
         """
         return self._with_shapes(self.tolerance)
 
     @property
     def near_errors(self) -> Whitening:
-        """Errors that count when the amounts to be shown are fitted."""
+        """Errors that count when the nearest amounts are fitted."""
         return whitening(self.tolerance_covariance)
 
     def _with_shapes(self, sd: Float[np.ndarray, "spectra ..."]) -> Covariances:

@@ -186,7 +186,7 @@ def _local_models(
         "members": pool.members[at],
         "condition": condition,
         "log_weight": pool.log_weight[at],
-        "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
+        "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.weighed[at]),
         "covariance": pool.covariance[at],
         "seen": _of_length(
             np.einsum("ncb,nb->nc", metric, read - fitted), odds.misfits.delta_e[at]
@@ -252,7 +252,7 @@ def _linear(
         chunk, row, sets, weighed_logs, pool.log_weight[row, column]
     )
     weighed_slopes = slopes_at(chunk, sets, weighed_films.logs, row)
-    shown_slopes = slopes_at(chunk, sets, logs, row)
+    near_slopes = slopes_at(chunk, sets, logs, row)
     white = errors.basis[groups.of]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     _, whitened_slopes, data, gain = _follow(weighed_slopes, white, gradient, prior)
@@ -260,12 +260,12 @@ def _linear(
     residual = chunk.target[row] - weighed_films.readings
     # Curvature of the data over that of the prior, for the evidence.
     ratios = np.maximum(np.linalg.eigvals(np.linalg.solve(prior, data)).real, 0.0)
-    # What is shown is fitted with errors of its own: how near it comes to each reading.
+    # The nearest amounts are fitted with errors of their own: how near each reading must be.
     close = chunk.near_errors.basis[row]
-    by_shown, _, _, shown_gain = _follow(shown_slopes, close, *_prior_of(task, sets, logs))
+    by_near, _, _, near_gain = _follow(near_slopes, close, *_prior_of(task, sets, logs))
     eye = np.eye(residual.shape[1])
-    # How the reading that is shown moves: the body, and the surface that takes what is left.
-    body = np.einsum("nma,nmb->nab", by_shown, shown_gain)
+    # How their reading moves: the body, and the surface that takes what is left.
+    body = np.einsum("nma,nmb->nab", by_near, near_gain)
     missed = eye - body
     surface = (np.swapaxes(chunk.shapes, 1, 2) @ chunk.shape_estimator)[row]
     free = coefficient_projection(chunk, groups.row, groups.sets, groups.slopes)[groups.of]
@@ -274,10 +274,9 @@ def _linear(
     unseen = np.swapaxes(by_measured, 1, 2)
     return {
         "opaque": np.full(len(row), task.hides),
-        "amounts_by": shown_gain * by_measured,
         "off": np.einsum("nib,nb->ni", white, residual),
         "off_by": (white - followed) * by_measured,
-        "logs_by": gain * by_measured,
+        "amounts_by": gain * by_measured,
         "gradient": gradient,
         "hessian": prior,
         "ratios": ratios,

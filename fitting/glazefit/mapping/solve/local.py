@@ -34,19 +34,18 @@ class Local(Columns):
         log_weight: at the representative.
         weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are
             compared.
-        amounts: log amounts that are shown, m; -inf for no paint.
+        amounts: log amounts, m; -inf for no paint.
         amounts_by: their slopes by the readings.
         covariance: of the log amounts.
         off: whitened residual of the fit that is weighed.
         off_by: its slopes by the readings.
-        logs_by: slopes of the log amounts that are weighed.
-        gradient, hessian: of minus the log prior in these.
+        gradient, hessian: of minus the log prior in the log amounts.
         ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
         numbers: Student's degrees of freedom, and readings that count as independent.
         seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
         left, left_by: the same with errors of the paints allowed for.
         shape: root mean square of that residual, noise aside.
-        fitted, fitted_by: readings of the fit that is shown, and their slopes.
+        fitted, fitted_by: readings of the fit that comes nearest, and their slopes.
     """
 
     members: Int[np.ndarray, "n 3"]
@@ -59,7 +58,6 @@ class Local(Columns):
     covariance: Float[np.ndarray, "n 3 3"]
     off: Float[np.ndarray, "n bands"]
     off_by: Float[np.ndarray, "n bands bands"]
-    logs_by: Float[np.ndarray, "n 3 bands"]
     gradient: Float[np.ndarray, "n 3"]
     hessian: Float[np.ndarray, "n 3 3"]
     ratios: Float[np.ndarray, "n 3"]
@@ -113,7 +111,7 @@ class Searched(Columns):
         # All that is linear in the change of the reading, in one product.
         slopes = [
             slope.reshape(-1, bands)
-            for slope in (local.off_by, local.logs_by, local.seen_by, local.left_by)
+            for slope in (local.off_by, local.amounts_by, local.seen_by, local.left_by)
         ]
         by = np.concatenate(slopes).T.copy()
         ends = np.cumsum([len(slope) for slope in slopes])[:-1]
@@ -121,7 +119,8 @@ class Searched(Columns):
             block.reshape(len(change), count, -1) for block in np.split(change @ by, ends, axis=1)
         )
         # Weights of the candidates at the new reading, and their odds.
-        met = log_weight_gain(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+        logs = np.clip(logs, -_FAR, _FAR)
+        met = log_weight_gain(local, local.off + off, logs)
         weight = local.log_weight + change @ local.weight_by.T + met
         misfits = Misfits(
             delta_e=np.linalg.norm(local.seen + colours, axis=-1),
@@ -137,11 +136,9 @@ class Searched(Columns):
         rows = np.arange(len(change))
         none = odds.none / total
         # One product for all spectra of the same first set.
-        amounts = local.amounts[first].copy()
         fitted = local.fitted[first].copy()
         for n in np.flatnonzero(np.bincount(first, minlength=count)):
             group = np.flatnonzero(first == n)
-            amounts[group] += np.clip(change[group] @ local.amounts_by[n].T, -_FAR, _FAR)
             fitted[group] += change[group] @ local.fitted_by[n].T
         paints = np.arange(self.rest_paints.shape[1])
         present = (local.members[..., None] == paints).any(axis=1).astype(np.float32)
@@ -154,7 +151,7 @@ class Searched(Columns):
             explained=(none < 0.5) & ~odds.rejected[rows, first],
             paint_probability=(kept / total[:, None]) @ present
             + (rest * (1.0 - none))[:, None] * self.rest_paints[number],
-            amounts=amounts,
+            amounts=local.amounts[first] + logs[rows, first],
             covariance=local.covariance[first],
             misfit=odds.misfit,
             fitted=fitted,
