@@ -24,7 +24,7 @@ from .model.optics import Optics
 from .model.response import FilmResponse, film_response
 from .model.spline import look_up, nodes_of, patches
 
-HIGHEST = (100.0, 400.0)
+OPAQUE_THICKNESS = (100.0, 400.0)
 """Optical thicknesses k d and s d at which every film is opaque."""
 _NODES = 56
 

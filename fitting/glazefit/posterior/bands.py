@@ -21,12 +21,12 @@ from jaxtyping import Array, Float
 
 from ..film.errors import PaintErrors
 from ..film.films import Instrument, Reading
-from ..film.forward import HIGHEST, pose_each_band
+from ..film.forward import OPAQUE_THICKNESS, pose_each_band
 from ..film.problem import FilmProblem, Quantity, fingerprint
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above
-`HIGHEST`.
+`OPAQUE_THICKNESS`.
 """
 
 # Slopes of log k d and of log s d by log k/s and log s d.
@@ -41,13 +41,13 @@ class BandPrior:
         """Minus the logarithm of the density is the sum of two soft ends."""
         logs = jnp.stack([free[0] + free[1], free[1]])
         ends = jax.nn.softplus(np.log(CLEAR) - logs)
-        return jnp.sqrt(2.0 * (ends + jax.nn.softplus(logs - np.log(np.array(HIGHEST)))))
+        return jnp.sqrt(2.0 * (ends + jax.nn.softplus(logs - np.log(np.array(OPAQUE_THICKNESS)))))
 
     def draws(
         self, rng: np.random.Generator, n: int, shared: Any = None
     ) -> Float[np.ndarray, "n 2"]:
         """By the inverse of log[(x + c)/(x + h) h/c] / log(h/c)."""
-        ends = np.array(HIGHEST)
+        ends = np.array(OPAQUE_THICKNESS)
         share = (CLEAR / ends) ** (1.0 - rng.random((n, 2)))
         logs = np.log(np.maximum(share * ends - CLEAR, 1e-300) / (1.0 - share))
         return np.stack([logs[:, 0] - logs[:, 1], logs[:, 1]], axis=-1)

@@ -28,7 +28,7 @@ from glazejax.spectra import Bands
 
 from ...film.errors import ScaledReadings
 from ...film.films import CardReadings, Films, Instrument, InstrumentLike, Noise, card_readings
-from ...film.forward import HIGHEST, Film, FilmData, FilmShared, pose_each_band
+from ...film.forward import OPAQUE_THICKNESS, Film, FilmData, FilmShared, pose_each_band
 from ...film.gloss import estimate_gloss
 from ...film.noise import estimate_noise
 from ...film.numerics.least_squares import levenberg_marquardt
@@ -71,7 +71,7 @@ def starts(
     # So dense in k d and in s d that no minimum is missed.
     log_absorption, log_scattering = (
         jnp.asarray(np.linspace(np.log(low), np.log(0.8 * high), points), data.sd.dtype)
-        for low, high, points in zip((1e-5, 1e-4), HIGHEST, (80, 44), strict=True)
+        for low, high, points in zip((1e-5, 1e-4), OPAQUE_THICKNESS, (80, 44), strict=True)
     )
     nodes = jnp.stack(jnp.meshgrid(log_absorption, log_scattering, indexing="ij"), axis=-1)
     residual = jax.vmap(jax.vmap(lambda logs: scaled(logs, data, shared)))(nodes)
@@ -147,7 +147,7 @@ def solve(film: Film, data: FilmData, shared: FilmShared, expected: ExpectedScat
     logs = choose(ends)
     optical = jnp.exp(logs)
     # A film beyond hides its ground, and only k/s counts.
-    beyond = jnp.max(optical / np.array(HIGHEST), axis=-1, keepdims=True)
+    beyond = jnp.max(optical / np.array(OPAQUE_THICKNESS), axis=-1, keepdims=True)
     optical = optical / jnp.maximum(beyond, 1.0)
     slopes = jax.vmap(scaled.slopes, in_axes=(0, 0, None))(logs, data, shared) / optical[:, None]
     fisher = jnp.einsum("nci,ncj->nij", slopes, slopes)

@@ -257,8 +257,9 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
         return np.asarray(paint.error_modes, dtype=np.float64)
     grid = paint.wavelengths
     # A paint that says nothing of its errors is known to a tenth.
-    (size,) = relative_errors([paint], ModelError(most=MOST_ERROR, unstated=0.1))
-    smooth = smooth_modes(grid, 100.0, 12)
+    law = ModelError(most=MOST_ERROR, unstated=0.1)
+    (size,) = relative_errors([paint], law)
+    smooth = smooth_modes(grid, law.coefficient_length, 12)
     return np.einsum("cd,cb,mb->cmdb", np.eye(2), size, smooth).reshape(-1, 2, grid.size)
 
 
