@@ -254,24 +254,20 @@ def test_bad_input_is_one_clear_sentence(unchecked, change, words):
         rough_reflectance_factor(**arguments)
 
 
-def test_what_must_be_known_is_not_traced(unchecked):
+@pytest.mark.parametrize("trace", [jax.jit, jax.grad])
+def test_what_must_be_known_is_not_traced(unchecked, trace):
+    """A slope by either would come out as 0."""
     with refusal("roughness must be one known number"):
-        jax.jit(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
+        trace(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
     with refusal("refractive_index is traced"):
-        jax.jit(
+        trace(
             lambda n: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n)
         )(1.5)
     with refusal("refractive_index is traced"):
-        jax.jit(lambda n: rough_ports([0.5], [1.0], refractive_index=n))(1.5)
-    # A slope by either would come out as 0.
-    with refusal("roughness must be one known number"):
-        jax.grad(lambda a: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
-    with refusal("refractive_index is traced"):
-        jax.grad(
-            lambda n: rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n)
-        )(1.5)
-    with refusal("refractive_index is traced"):
-        jax.jvp(lambda n: rough_ports([0.5], [1.0], refractive_index=n), (1.5,), (1.0,))
+        trace(lambda n: rough_ports([0.5], [1.0], refractive_index=n))(1.5)
+
+
+def test_what_no_rough_surface_has_is_refused(unchecked):
     with refusal("mirror direction only"):
         surface_reflectance_factor(0.5, 0.5, roughness=0.0)
     with refusal("azimuth holds nan"):
