@@ -355,7 +355,7 @@ def _simulate(
 
 
 def _only_film(file: Path, sample: str, stated: "Stated", geometry: "Geometry") -> "Films":
-    """The film that is called so, of the file's only one if none is named, read over both cards."""
+    """The film that is called so, or the file's only one if none is named, read over both cards."""
     from glazejax.io.spectra_table import there_are
 
     from ..film.readers import read_films
