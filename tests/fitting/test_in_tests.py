@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from glazefit import identify
 from glazefit.identify.result.in_tests import FILE, came_true, has_infrared
+from glazejax import catalogue
 
 from .tables import read_rows
 
@@ -26,3 +28,14 @@ def test_a_stated_probability_finds_the_answers_that_stated_as_much():
 def test_near_infrared_begins_where_the_bench_counts_it():
     assert not has_infrared(np.arange(400.0, 891.0, 10.0))
     assert has_infrared(np.arange(400.0, 901.0, 10.0))
+
+
+def test_a_reading_of_few_bands_is_like_none_of_the_tests():
+    pigments = catalogue.load("pigments")
+    for step, tested in ((10.0, True), (40.0, True), (60.0, False)):
+        bands = np.arange(420.0, 701.0, step)
+        ochre = np.interp(bands, [420.0, 500.0, 560.0, 700.0], [0.06, 0.1, 0.3, 0.45])
+        identification = identify(bands, ochre[None], pigments, opaque=True)
+        assert identification.explained[0]
+        assert (identification.came_true(0) is not None) == tested
+        assert ("in tests" in identification.verdict(0)) == tested

@@ -18,7 +18,7 @@ from ..search.task import Measured
 from ..search.unstated_conditions import CONDITIONS
 from ..search.weigh import UNSEEN, Odds
 from .groups import FamilySet, answer_of
-from .in_tests import came_true, has_infrared
+from .in_tests import came_true, has_infrared, were_tested
 from .odds import CoatsOdds
 from .table import table_of
 
@@ -444,13 +444,13 @@ class Identification(Tabulated):
 
     def came_true(self, row: int) -> tuple[int, int] | None:
         """Of answers by family that stated as much of paint by others: how many were right, and
-        how many there were. None where paints were searched, or nothing explains the spectrum.
+        how many there were. None where paints were searched, nothing explains the spectrum, or no
+        test read so few bands.
         """
-        if not (self.family_sets and self.explained[row]):
+        bands = self.measured.wavelengths
+        if not (self.family_sets and self.explained[row] and were_tested(bands)):
             return None
-        return came_true(
-            self.family_sets[row][0].probability, has_infrared(self.measured.wavelengths)
-        )
+        return came_true(self.family_sets[row][0].probability, has_infrared(bands))
 
     def stated_words(self, row: int) -> str:
         """Say how probable the first answer by family is said to be, and how often such answers

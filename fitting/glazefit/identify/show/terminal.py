@@ -16,7 +16,7 @@ from ...page.words import chance
 from ..families.evidence import describe_anachronism, facts_of
 from ..result import Identification
 from ..result.groups import FamilySet
-from ..result.in_tests import has_infrared
+from ..result.in_tests import has_infrared, were_tested
 from .ambiguity import describe_ambiguity
 from .explanation import explanations
 
@@ -92,12 +92,15 @@ def report_families(
             yield f"  nearest reference: {', '.join(own_names)}"
         yield Text(f"  nearest exemplars: {', '.join(list(near)[:top])}", "dim")
     if identification.explained.any():
-        read = "with" if has_infrared(identification.measured.wavelengths) else "without"
-        yield Text(
+        bands = identification.measured.wavelengths
+        read = "with" if has_infrared(bands) else "without"
+        tested = (
             "In tests: so many of the answers that were as sure were right, on pure paints by "
-            f"others, read {read} the near infrared; of mixtures fewer are.",
-            "dim",
+            f"others, read {read} the near infrared; of mixtures fewer are."
+            if were_tested(bands)
+            else f"No test read as few as {len(bands)} bands: answers may be less sure than stated."
         )
+        yield Text(tested, "dim")
 
 
 def _own_references(near: Iterable[str], answer: FamilySet) -> list[str]:
