@@ -284,14 +284,15 @@ def error_modes(
 
 
 def stated_modes(
-    pigments: Sequence[Pigment], discrepancy: ModelError
+    pigments: Sequence[Pigment], discrepancy: ModelError, shapes: int = 12
 ) -> Float[np.ndarray, "modes paints 2 bands"]:
     """Independent errors of size one of log k and log s, all that pigments state: their error
-    modes, and what their standard deviations say beyond these, smooth, of each k and s by itself.
+    modes, and what their standard deviations say beyond these, smooth, of each k and s by itself in
+    so many shapes.
     """
     count, grid = len(pigments), pigments[0].wavelengths
     shared = np.moveaxis(error_modes(pigments, discrepancy), -1, 0)
-    smooth = smooth_modes(grid, discrepancy.coefficient_length, 12)
+    smooth = smooth_modes(grid, discrepancy.coefficient_length, shapes)
     sizes = relative_errors(pigments, discrepancy)
     each = np.einsum("pq,cd,mb,pcb->mpcqdb", np.eye(count), np.eye(2), smooth, sizes)
     modes = np.concatenate([shared, each.reshape(-1, *shared.shape[1:])])

@@ -19,7 +19,7 @@ from glazejax.spectra import Bands, describe_grid
 
 from ...film.films import Films, Instrument, Noise, card_readings
 from ...film.gloss import GLOSS_SD, estimate_gloss
-from ...film.model.errors import ModelError, relative_errors, smooth_modes
+from ...film.model.errors import ModelError, stated_modes
 from ...film.model.response import Response, film_response
 from ..films.result import PerFilm
 from .problem import Expectations, FilmShares, JointProblem, Unknowns, model_deviation
@@ -255,12 +255,8 @@ def error_modes(paint: Pigment) -> Float[np.ndarray, "modes 2 bands"]:
     """
     if paint.error_modes is not None:
         return np.asarray(paint.error_modes, dtype=np.float64)
-    grid = paint.wavelengths
     # A paint that says nothing of its errors is known to a tenth.
-    law = ModelError(most=MOST_ERROR, unstated=0.1)
-    (size,) = relative_errors([paint], law)
-    smooth = smooth_modes(grid, law.coefficient_length, 12)
-    return np.einsum("cd,cb,mb->cmdb", np.eye(2), size, smooth).reshape(-1, 2, grid.size)
+    return stated_modes([paint], ModelError(most=MOST_ERROR, unstated=0.1))[:, 0]
 
 
 def _thicknesses(

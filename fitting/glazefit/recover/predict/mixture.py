@@ -27,9 +27,8 @@ from ...film.films import SPECTRA, Films, InstrumentLike, Noise, check_ground, u
 from ...film.model.errors import (
     ModelError,
     draw_model_errors,
-    error_modes,
-    relative_errors,
     smooth_modes,
+    stated_modes,
 )
 from ...film.model.mixing import MixingLaw
 from ...film.model.response import Response, film_response
@@ -47,6 +46,8 @@ films.
 """
 SMOOTH = ModelError(amplitude=1.0, length=60.0, shared=0.8)
 """Errors of the model, of size one: similar at neighbouring bands."""
+# Shapes of a smooth error over the bands: eight hold nearly all of it.
+_SHAPES = 8
 
 
 class _MixedPaint(NamedTuple):
@@ -416,42 +417,27 @@ def _mix(
     # What 1 % more of a paint's k adds to that of the mixture, in per cent.
     elasticity = contributions / np.maximum(coefficients, 1e-300)
 
-    def alone(
-        modes: Float[np.ndarray, "paints 2 shapes bands"],
+    stated = stated_modes(paints, ModelError(), _SHAPES)
+
+    def mixed(
+        modes: Float[np.ndarray, "modes paints 2 bands"],
     ) -> Float[np.ndarray, "modes 2 bands"]:
-        """Modes of the mixture in which one coefficient of one paint is off at a time."""
-        changes = np.einsum("pcsb,pcb,cd->pcsdb", modes, elasticity, np.eye(2))
-        return changes.reshape(-1, 2, grid.size)
-
-    usual = ModelError()
-    # Eight shapes hold nearly all of a smooth error.
-    smooth = smooth_modes(grid, usual.coefficient_length, 8)
-    stated = relative_errors(paints, usual)[:, :, None] * smooth
-    shared = np.moveaxis(error_modes(paints, usual), -1, 2)
-
-    def mix_errors(
-        separate: Float[np.ndarray, "paints 2 shapes bands"],
-        together: Float[np.ndarray, "paints 2 modes bands"],
-    ) -> Float[np.ndarray, "all 2 bands"]:
-        return np.concatenate([alone(separate), np.einsum("pcmb,pcb->mcb", together, elasticity)])
+        return np.einsum("mpcb,pcb->mcb", modes, elasticity)
 
     # Their level over the bands, and what is left of them.
-    scale = mix_errors(
-        *(
-            np.broadcast_to(modes.mean(axis=-1, keepdims=True), modes.shape)
-            for modes in (stated, shared)
-        )
-    )
-    varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, 8)
+    level = np.broadcast_to(stated.mean(axis=-1, keepdims=True), stated.shape)
+    # Films differ from recipes by one coefficient of one paint at a time.
+    varied = MIXED.coefficient * smooth_modes(grid, MIXED.coefficient_length, _SHAPES)
     varied = np.concatenate([varied, np.full((1, grid.size), MIXED.level)])
+    each = np.einsum("sb,pcb,cd->pcsdb", varied, elasticity, np.eye(2))
     components = (f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
     return _MixedPaint(
         name=" + ".join(components),
         wavelengths=grid,
         coefficients=coefficients,
         modes={
-            "scale": scale,
-            "paint": mix_errors(stated, shared) - scale,
-            "film": alone(np.broadcast_to(varied, (len(paints), 2, *varied.shape))),
+            "scale": mixed(level),
+            "paint": mixed(stated - level),
+            "film": each.reshape(-1, 2, grid.size),
         },
     )
