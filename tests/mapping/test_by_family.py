@@ -171,6 +171,17 @@ def test_a_search_is_of_the_coefficients_that_are_given(cube, paints):
     assert named == ["vermilion", "azurite"]
 
 
+def test_a_misfit_is_at_the_readings_brightness_and_of_the_bands_that_are_compared(cube, paints):
+    asked = IdentificationOptions(instrument=resolve_instrument("45:0"))
+    search = FamilySearcher(GRID, tuple(paints.values()), asked, None)
+    readings = cube.values[:, 0] * np.array([[1.0], [0.9], [1.1], [0.9]])
+    fitted = search.search(readings, np.full_like(readings, 0.003)).fitted
+    # From 415 nm on readings are compared.
+    assert np.isnan(fitted[:, :2]).all()
+    assert np.isfinite(fitted[:, 2:]).all()
+    assert np.abs((fitted / readings)[:, 2:].mean(axis=1) - 1.0).max() < 0.03
+
+
 def test_an_image_is_used_where_any_exemplar_is_known(paints):
     bands = working_bands(np.arange(360.0, 1101.0, 5.0), list(paints.values()))
     assert bands.wavelengths[0] < 390

@@ -12,6 +12,7 @@ from glazejax.spectra import Bands
 
 from ...film.model.errors import Prior
 from ...identify.families.expected import EXPECTED
+from ...identify.families.features import at_brightness_of
 from ...identify.families.identify_pigments import identify_families
 from ...identify.families.naming import coloured_first
 from ...identify.families.set_up import prepare_search
@@ -152,6 +153,7 @@ class FamilySearcher:
                 order = [names.index(name) for name in first.families]
                 answers.amounts[row, : len(order)] = np.log(candidate.fractions[order])
                 answers.covariance[row] = identification.log_covariance[row, rank]
-                answers.fitted[row] = candidate.fitted[0]
+                reading = identification.measured.readings[row, 0]
+                answers.fitted[row] = at_brightness_of(reading, candidate.fitted[0])[0]
                 answers.misfit[row] = candidate.delta_e
                 break
