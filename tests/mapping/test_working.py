@@ -82,6 +82,19 @@ def test_noise_of_many_spectra_is_told_from_some_of_them(floor, share):
         assert float(told.sd(np.asarray(level))) == pytest.approx(floor + share * level, rel=0.12)
 
 
+def test_a_spectrum_below_black_leaves_the_noise_of_all_others(recwarn):
+    rng = np.random.default_rng(0)
+    smooth = 0.3 + 0.2 * np.sin(FINE / 80.0)
+    spectra = smooth * (1.0 + 0.02 * rng.standard_normal((600, FINE.size)))
+    without = spectra_noise(FINE, spectra)
+    spectra[0] -= 0.35
+    told = spectra_noise(FINE, spectra)
+    for level in (0.15, 0.5):
+        sd = np.asarray(level)
+        assert float(told.sd(sd)) == pytest.approx(float(without.sd(sd)), rel=0.05)
+    assert not len(recwarn)
+
+
 def test_pixels_that_say_nothing_are_marked():
     image = small.at_bands(FINE, small.paints(), saturated=0.98)
     good = 0.3 + 0.1 * np.sin(FINE / 50.0)

@@ -74,6 +74,8 @@ def _fit_ends(wavelengths: Bands, spectra: Sequence[Rows]) -> tuple[float, float
     count = pairs.shape[1]
     chosen = np.linspace(0, count - 1, min(count, 20_000)).astype(int)
     differences, reflectance = pairs[:, chosen]
+    # Noise is no less below black.
+    reflectance = np.maximum(reflectance, 0.0)
 
     def cost(noise: tuple[float, float]) -> float:
         """Minus the log likelihood of Student's t with 4 degrees of freedom, whose scale is that of
