@@ -141,6 +141,17 @@ def test_a_run_goes_on_with_what_is_not_done(store, undisturbed):
     same(store, undisturbed)
 
 
+def test_a_map_of_which_nothing_can_be_made_is_in_nobodys_way(store, tmp_path):
+    with pytest.raises(ValueError, match="no pixel"), store.writing():
+        raise ValueError("no pixel")
+    assert os.listdir(tmp_path) == []
+    # What a run has kept stays.
+    begun = store_at(store.path)
+    begun.work.put("survey", {"noise": np.zeros(2)})
+    with pytest.raises(ValueError, match="no paint"), begun.writing():
+        raise ValueError("no paint")
+
+
 def test_a_map_begun_with_other_options_is_kept(store, tmp_path):
     run_chunks(store, Toy())
     with refusal(r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"):

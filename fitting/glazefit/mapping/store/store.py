@@ -314,7 +314,8 @@ class MapStore:
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Hold the map, so that no second run writes or replaces it; take away what a killed run
-        left half-written, and the chunks of damaged windows, of which each is warned.
+        left half-written, and the chunks of damaged windows, of which each is warned. A map of
+        which nothing can be made is taken away, so that it is not in the way of the next run.
 
         Raises:
             ValueError: another run holds it, or has replaced it.
@@ -329,7 +330,13 @@ class MapStore:
                 leftover.unlink(missing_ok=True)
             for window in self.windows() if self.complete else sorted(self.done()):
                 self._remove_damaged(window)
-            yield
+            begun = bool(self.work.done() or self.done())
+            try:
+                yield
+            except ValueError:
+                if not (begun or self.done()):
+                    shutil.rmtree(self.path)
+                raise
 
     def _remove_damaged(self, window: Window) -> None:
         """Take a window away, and warn of it, if it is damaged."""
