@@ -220,12 +220,8 @@ def _identify(
     from ..page.inputs import input_files
 
     top, report, opaque = typed["top"], typed["report"], typed["opaque"]
-    search = facts.read_search(typed, console)
-    if search.by_family:
-        unused = changed(identify, {name: typed[name] for name in _OF_PAINTS})
-        if unused:
-            note = "no effect on families of pigments, only on paints (--catalogue oils)"
-            progress.print_notes(console, ", ".join(unused), (note,))
+    of_paints = changed(identify, {name: typed[name] for name in _OF_PAINTS})
+    search = facts.read_search(typed, console, of_paints)
     paints = search.paints
     inputs = input_files(read) if report is not None else []
     task = _choose_spectra(typed, measured, search, console)

@@ -3,7 +3,7 @@ is expected of films of these.
 """
 
 import datetime
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
@@ -101,12 +101,13 @@ class Search(NamedTuple):
     asked: str
 
 
-def read_search(typed: Typed, console: "Console") -> Search:
+def read_search(typed: Typed, console: "Console", of_paints: Sequence[str]) -> Search:
     """The search that options ask for.
 
     Args:
         typed: options by the names of the command's arguments.
-        console: to print notes on references to.
+        console: to print notes to.
+        of_paints: typed options of which a search by family makes nothing.
 
     Raises:
         FileNotFoundError: no file of references.
@@ -123,6 +124,9 @@ def read_search(typed: Typed, console: "Console") -> Search:
         options.read_shelf(pigments, catalogue), typed["only"], typed["without"]
     )
     by_family = has_families(paints) and not typed.get("own_films")
+    if by_family and of_paints:
+        note = "no effect on families of pigments, only on paints (--catalogue oils)"
+        progress.print_notes(console, ", ".join(of_paints), (note,))
     facts = {
         "elements": tuple(options.split_names(typed["elements"])),
         "without_elements": tuple(options.split_names(typed["without_elements"])),

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.command_line import ground_file
+from glazejax.commands.command_line import changed, ground_file
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
@@ -304,7 +304,8 @@ def map_(
             without = FOREIGN
     assert cube is not None
     chosen = {**typed, "catalogue": catalogue, "without": without}
-    paints, by_family, search, asked = facts.read_search(chosen, console)
+    of_paints = changed(map_, {"model_error": model_error, "thickness": thickness})
+    paints, by_family, search, asked = facts.read_search(chosen, console, of_paints)
     locations = read_spots(spots, [paint.name for paint in paints])
     seen_with = search["instrument"]
     # Workers of a cluster have another folder of their own.
