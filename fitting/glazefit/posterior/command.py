@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glazejax.commands import options, progress
-from glazejax.commands.command_line import ground_file
+from glazejax.commands.command_line import changed, ground_file
 from glazejax.commands.help_groups import help_groups
 from glazejax.extras import require
 
@@ -171,6 +171,10 @@ def posterior(
     options.check_names(named, pigments, catalogue)
     usual = options.read_length(thickness)
     _check(file, sample, paints=paints, coats=coats, bands=bands, simulate=simulate, ground=ground)
+    of_paints = {"paints": paints, "thickness": thickness, "paint_error": paint_error}
+    of_paints |= {"pigments": pigments, "catalogue": catalogue}
+    if bands and (unused := changed(posterior, of_paints)):
+        raise ValueError(f"--bands assumes no paint; leave out {unused[0]}, or leave out --bands")
     require("matplotlib", "corner", "arviz", "h5py")
     folder = _check_folder(out, resume, overwrite, [file, pigments, ground_file(ground)])
     from glazejax.commands.main import start_jax
@@ -267,8 +271,6 @@ def _check(
         raise ValueError(
             "--simulate makes a film of paints, and --bands assumes none; leave out one of the two"
         )
-    if bands and paints:
-        raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if simulate and not (paints or coats):

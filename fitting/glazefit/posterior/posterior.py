@@ -18,12 +18,12 @@ from typing import Any, Unpack
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Pigment
 from glazejax.geometry import resolve_instrument
 
 from ..film.films import Films, Instrument, InstrumentLike, Noise, Reading, readings
 from ..film.gloss import estimate_gloss
 from ..film.model.errors import ModelError, Prior
+from ..film.model.mixing import Pigments, listed_pigments
 from ..film.problem import FilmProblem
 from ..film.sample import Chain, draw_chain
 from ..film.sampling import Sampling, SamplingOptions
@@ -289,7 +289,7 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
 
 def posterior_of_film(
     film: Films | Reading,
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     instrument: InstrumentLike | None = None,
     noise: Noise | None = None,
@@ -304,7 +304,7 @@ def posterior_of_film(
 
     Args:
         film: one film over black and white, or a `Reading` (see `reading_over` for one spectrum).
-        pigments: one to five, with k and s in 1/m.
+        pigments: one to five, with k and s in 1/m; of a mapping its values.
         instrument: by default d:8 with the specular part, refractive index 1.5.
         noise: of a reading.
         discrepancy: errors of the model, and of paints at most; by default those that films showed.
@@ -325,7 +325,7 @@ def posterior_of_film(
     reading = _single_reading(film, instrument, noise or Noise())
     if not pigments:
         raise ValueError(f"0 paints were given for {reading.name!r}; name one at least")
-    coats = [CoatPrior(pigments)]
+    coats = [CoatPrior(listed_pigments(pigments))]
     problem = pose_stack(
         reading,
         coats,
