@@ -228,6 +228,14 @@ def test_own_paints_stand_beside_a_catalogue_that_is_named(tmp_path, capsys):
     assert float(theirs[0].absorption[0]) != 1
 
 
+def test_scales_of_two_catalogues_are_said_where_both_are_searched(capsys):
+    shelf = catalogue.load("pigments")
+    options.choose_paints(shelf, "cobalt blue,vermilion", "azurite")
+    assert capsys.readouterr().err == ""
+    options.choose_paints(catalogue.load("oils"), "ZincWhite,acrylics:TitaniumWhite", "")
+    assert "assumes its own scale of length" in capsys.readouterr().err
+
+
 def test_a_loosely_typed_name_is_that_of_an_own_paint(tmp_path):
     both = options.read_shelf(own_paints(tmp_path, "Cobalt Blue"), "oils")
     assert list(options.find_paints(["cobalt blue"], both)) == ["Cobalt Blue"]

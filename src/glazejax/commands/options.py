@@ -210,7 +210,7 @@ Only = Annotated[
     option(
         metavar="NAMES",
         help="Only these paints, such as ZincWhite,Eosin, from another catalogue "
-        "acrylics:TitaniumWhite, or families of pigments, such as 'zinc white'.",
+        "acrylics:TitaniumWhite, or families of pigments, such as 'azurite,smalt,ultramarine'.",
     ),
 ]
 Without = Annotated[
@@ -610,7 +610,8 @@ def find_paints(names: Iterable[str], shelf: "Mapping[str, Pigment]") -> "dict[s
     for name in names:
         of_family = [paint for paint in shelf.values() if same_name(paint.family, name)]
         matches += of_family or [shelves[_full_name(name, shelves)]]
-    if len(set(filter(None, map(catalogue.assumed_scale, matches)))) > 1:
+    from_elsewhere = any(paint.name not in shelf for paint in matches)
+    if from_elsewhere and len(set(filter(None, map(catalogue.assumed_scale, matches)))) > 1:
         typer.echo(
             "note: each catalogue assumes its own scale of length, so amounts of its paints "
             "relative to another's may have a common factor",

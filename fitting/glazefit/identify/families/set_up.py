@@ -284,6 +284,6 @@ def _shared_bands(
             return bands, taught
     raise ValueError(
         f"{int(known.any(axis=1).sum())} exemplars have the spectra's bands, too few to learn how "
-        "paints of one pigment differ: give more bands or exemplars, or search them as paints by "
-        "own_films=True (--own-films)"
+        "paints of one pigment differ: search more families (leave out --only), give more bands or "
+        "exemplars, or search them as paints by own_films=True (--own-films)"
     )
