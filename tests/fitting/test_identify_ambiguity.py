@@ -276,6 +276,8 @@ def test_the_table_says_how_each_film_lies():
     assert hidden["condition"] == "hiding its ground"
     assert varnished["thickness_um"] == pytest.approx(25.0)
     assert hidden["thickness_um"] is hidden["thickness_sd_um"] is None
+    # Where one coat alone was tried, more are not improbable.
+    assert stated["coats_probability"] is None
 
 
 @pytest.mark.parametrize(

@@ -214,7 +214,7 @@ class Identification(Tabulated):
     @property
     def coats_probability(self) -> Float[np.ndarray, "spectra"]:
         """Probability that a film has more than one coat, if paints of the catalogue explain it; 0
-        where one coat alone was tried.
+        where one coat alone was tried: then `coats_odds` is empty.
         """
         odds = self.coats_odds or ((),) * len(self)
         return np.array(

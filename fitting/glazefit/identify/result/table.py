@@ -50,7 +50,8 @@ def table_of(identification: Any, top: int | None = None) -> tuple[tuple[str, ..
             *explanation,
             identification.none[row],
             bool(identification.explained[row]),
-            identification.coats_probability[row],
+            # Where one coat alone was tried nothing is known of more.
+            identification.coats_probability[row] if identification.coats_odds else None,
         ]
         for row, name in enumerate(identification.measured.names)
         for rank, explanation in enumerate(cells(identification, row, top), start=1)
