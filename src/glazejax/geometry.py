@@ -213,7 +213,7 @@ class Instrument:
         refractive_index: of paint and of the cards' surface, in [1, 2.5].
 
     Raises:
-        ValueError: an index out of range, or several angles.
+        ValueError: an index out of range, several angles, or words in place of a geometry.
     """
 
     geometry: Geometry = field(default_factory=Hemispherical)
@@ -224,6 +224,11 @@ class Instrument:
         if not low <= self.refractive_index <= high:
             raise ValueError(
                 f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]"
+            )
+        if isinstance(self.geometry, str):
+            raise ValueError(
+                f"an instrument has a geometry, not {self.geometry!r}: use "
+                f"Instrument.parse({self.geometry!r})"
             )
         for name, angle in vars(self.geometry).items():
             if np.ndim(angle):

@@ -22,6 +22,7 @@ from glazefit.identify.search.searcher import check_pigments
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
+from ..refusals import refusal
 from .palette import optical_depths
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -41,6 +42,27 @@ def test_a_keyword_that_is_unknown_is_refused_in_the_functions_own_name(function
     words = rf"^{function.__name__}\(\) got an unexpected keyword argument 'exhaustive'"
     with pytest.raises(TypeError, match=words):
         function(**given, exhaustive=True)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"noise": 0.01}, r"noise is 0.01; give Noise\(floor, share\)"),
+        ({"painted": "1620"}, "painted is '1620'; it is a year, such as 1620"),
+        ({"elements": "CO"}, r"elements is 'CO'; list symbols, such as \['Cu', 'Pb'\]"),
+        ({"without_elements": "Cu"}, "without_elements is 'Cu'; list symbols"),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_options_of_another_kind_are_refused(given, words):
+    with refusal(words):
+        IdentificationOptions(**given)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_an_instrument_in_words_is_parsed():
+    with refusal(r"not '45:0': use Instrument.parse\('45:0'\)"):
+        Instrument("45:0")  # type: ignore[arg-type]
 
 
 def test_options_and_their_keywords_are_the_same():

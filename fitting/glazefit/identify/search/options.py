@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, TypedDict
 
 from ...film.films import InstrumentLike, Noise
@@ -62,6 +63,10 @@ class IdentificationOptions:
             are fifty times less probable.
         varnish: what is known of a varnish on the films: "none", "thin", "yellowed" or "unknown".
             By default "none" where families are searched, and "unknown" where paints are.
+
+    Raises:
+        ValueError: a number or a varnish that cannot be searched, a noise or a year of another
+            kind, or symbols of elements in one string.
     """
 
     instrument: InstrumentLike | None = None
@@ -79,6 +84,15 @@ class IdentificationOptions:
     varnish: str | None = None
 
     def __post_init__(self) -> None:
+        if self.noise is not None and not isinstance(self.noise, Noise):
+            raise ValueError(
+                f"noise is {self.noise!r}; give Noise(floor, share), as Noise(0.001, 0)"
+            )
+        if self.painted is not None and not isinstance(self.painted, Integral):
+            raise ValueError(f"painted is {self.painted!r}; it is a year, such as 1620")
+        for name in ("elements", "without_elements"):
+            if isinstance(symbols := getattr(self, name), str):
+                raise ValueError(f"{name} is {symbols!r}; list symbols, such as ['Cu', 'Pb']")
         tried = {"max_paints": "sets of 1, 2 or 3 paints", "max_coats": "1, 2 or 3 coats"}
         for name, things in tried.items():
             if getattr(self, name) not in (1, 2, 3):
