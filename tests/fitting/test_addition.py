@@ -132,6 +132,15 @@ def test_command_says_what_to_add(run, check_refusal, tmp_path, weak):
 
 
 @pytest.mark.slow
+def test_a_film_is_read_as_for_predict_unless_another_instrument_is_named(run, tmp_path, weak):
+    asked = correction(write_films(tmp_path / "mine.tsv", weak))
+    default = [word for word in asked if word not in ("--instrument", "d:8")]
+    (as_stated, _), (by_default, _) = run(*asked), run(*default)
+    assert by_default == as_stated
+    assert "seen by, an integrating sphere at 8" in as_stated
+
+
+@pytest.mark.slow
 def test_command_takes_a_reading_of_few_bands(run, tmp_path, weak):
     """Filters of a camera: what they leave open the paints tell, and as much is added within a
     seventh.

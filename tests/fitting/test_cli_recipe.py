@@ -127,6 +127,8 @@ def test_what_a_correction_does_not_use_is_refused(check_refusal, words):
     ("words", "message"),
     [
         ("", "give one target"),
+        ("--lab 50,0,0 --unit um", "--unit is of spectra of a file"),
+        ("--srgb #fff --scale 7", "--scale is of spectra of a file"),
         ("--lab 50,0,0 --srgb #fff", "give one target"),
         ("--lab 50;0;0", "--lab is '50;0;0'"),
         ("--spectrum none.csv", "none.csv"),

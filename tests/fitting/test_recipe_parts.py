@@ -315,6 +315,28 @@ def test_the_line_that_draws_a_recipe_may_be_pasted_into_a_shell(capsys):
     assert shlex.split(line) == words
 
 
+@pytest.mark.parametrize(
+    ("bounds", "narrow"),
+    [
+        ({}, False),
+        ({"max_paints": 1}, True),
+        ({"max_coats": 1}, True),
+        ({"max_paints": 5, "max_coats": 3}, False),
+        ({"glazes": True}, False),
+        ({"glazes": True, "max_coats": 3}, True),
+    ],
+)
+def test_a_search_of_fewer_paints_or_coats_is_narrow(bounds, narrow):
+    assert make_task([lab_target((40, 40, 40))], PALETTE, **bounds).is_narrow == narrow
+
+
+@pytest.mark.slow
+def test_a_target_out_of_reach_of_few_paints_says_so():
+    (best,) = find_recipes(lab_target((60, 30, 60)), PALETTE, max_paints=1, count=1)
+    assert not best.in_gamut
+    assert best.limit == "no more than 1 paint in 2 coats is allowed"
+
+
 def test_a_target_out_of_reach_is_so_for_the_reason_of_its_nearest_recipe(capsys):
     bound = "coat 2 is as thick as allowed"
     simple, nearest = _with_gamut([at_distance(6.9, "paints"), at_distance(6.5, bound)])

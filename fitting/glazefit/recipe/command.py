@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 
 _GEOMETRY = "45:0"
+# Films are read as for `glazejax predict` and `glazejax recover`.
+_GEOMETRY_OF_READING = "d:8"
 _GROUND = "0.9"
 _COATS = "1-50um"
 
@@ -162,7 +164,9 @@ def recipe(
     catalogue: options.CatalogueName = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
-    instrument: Annotated[str | None, options.instrument_option(_GEOMETRY)] = None,
+    instrument: Annotated[
+        str | None, options.instrument_option(f"{_GEOMETRY}; with --after {_GEOMETRY_OF_READING}")
+    ] = None,
     metamerism: Annotated[
         float,
         typer.Option(
@@ -256,6 +260,9 @@ def recipe(
         )
     if samples and spectrum is None and after is None:
         raise ValueError("--samples names spectra of a file: add --spectrum FILE")
+    of_values = {"quantity": quantity, "unit": unit, "scale": scale}
+    if spectrum is None and after is None and (unused := changed(recipe, of_values)):
+        raise ValueError(f"{unused[0]} is of spectra of a file: add --spectrum FILE")
     if spectra is not None and (lab is not None or srgb is not None):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     options.check_names(options.split_names(f"{only},{without}"), pigments, catalogue)
@@ -267,7 +274,8 @@ def recipe(
     start_jax()
     if out is not None:
         load_matplotlib_ahead()
-    seen_by = options.read_geometry(instrument, _GEOMETRY)
+    usual = _GEOMETRY if after is None else _GEOMETRY_OF_READING
+    seen_by = options.read_geometry(instrument, usual)
     base = options.read_ground(_GROUND if ground is None else ground)
 
     from glazejax.geometry import resolve_instrument

@@ -87,6 +87,7 @@ def say_addition(
     for label, lab, distance in rows:
         table.add_row(label, *(f"{value:.1f}" for value in lab), f"{distance:.1f}")
     console.print(table)
+    console.print(f"Read by, and seen by, {instrument.describe()} (--instrument).", style="dim")
     if not addition.grams:
         console.print(
             f"Add nothing: none of these paints, nor two of them, brings it nearer than ΔE00 "

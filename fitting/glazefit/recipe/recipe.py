@@ -347,12 +347,18 @@ def _recipe(
             f"coat {coat + 1} is as {('thick', 'thin')[side]} as allowed"
             for coat, side in np.argwhere(limits)
         )
-        or "paints",
+        or (f"no more than {_bounds(task)} is allowed" if task.is_narrow else "paints"),
         converged=stack.settled.item(),
         steps=stack.steps.item(),
         before=stack.before.item(),
         observer=task.observer,
     )
+
+
+def _bounds(task: RecipeTask) -> str:
+    """Paints and coats of a recipe at most, in words."""
+    coats = f"{task.max_coats} coat{'s' if task.max_coats > 1 else ''}"
+    return f"{task.max_paints} paint{'s' if task.max_paints > 1 else ''} in {coats}"
 
 
 def _coat(amounts: Float[np.ndarray, "paints"], task: RecipeTask) -> Coat:

@@ -75,6 +75,12 @@ class RecipeTask:
     """
 
     @property
+    def is_narrow(self) -> bool:
+        """True where fewer paints or coats are allowed than are tried without being asked."""
+        paints, coats = (6, 6) if self.glazes else _MIXED
+        return self.max_paints < min(paints, len(self.pigments)) or self.max_coats < coats
+
+    @property
     def wavelengths(self) -> Bands:
         """Wavelengths of the pigments, nm."""
         return self.pigments[0].wavelengths
