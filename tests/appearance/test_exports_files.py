@@ -279,6 +279,13 @@ def test_a_map_that_is_not_in_metres_is_told_so(tmp_path, low, high):
     assert "--thickness-range" in words
 
 
+def test_a_map_in_metres_takes_no_range(tmp_path):
+    np.save(tmp_path / "m.npy", np.array([[0.0, 5e-6]]))
+    words = "--to", "textures", "--thickness-map", tmp_path / "m.npy", "--thickness-range", "0-20um"
+    said = str(run(COATS, *words).exception)
+    assert "m.npy: holds 0 to 5e-06, which looks like metres: leave out --thickness-range" in said
+
+
 def test_a_ground_that_no_paint_meets_is_named(here):
     (here / "infrared.csv").write_text("wavelength,card\n1000,0.5\n1100,0.5\n")
     said = str(run(COATS, "--ground", "infrared.csv").exception)

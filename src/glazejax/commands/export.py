@@ -314,6 +314,11 @@ def _maps(
                 if span is None
                 else options.read_lengths(span, "--thickness-range", from_zero=True)
             )
+            if thickness.suffix.lower() == ".npy" and 0 < grey.max() <= MAX_THICKNESS:
+                raise ValueError(
+                    f"{thickness}: holds {grey.min():g} to {grey.max():g}, which looks like "
+                    "metres: leave out --thickness-range, which is of values from 0 to 1"
+                )
             maps["thickness"] = low + (high - low) * grey
     for name, path in (("fraction", fraction), ("ground", ground)):
         if path is not None:
