@@ -70,6 +70,15 @@ def test_titles_of_bands_as_makers_write_them(read, title):
     same(table, GRID, [RED / 100], ["red"], atol=1e-9)
 
 
+def test_a_percent_behind_the_kind_of_reading_is_a_unit(read):
+    dark = np.full(GRID.size, 0.9)
+    lines = "".join(f"{w:g},{value}\n" for w, value in zip(GRID, dark, strict=True))
+    for title in ("SCI %", "SCI (%)", "%SCE"):
+        assert_allclose(read(f"nm,{title}\n{lines}").reflectance, [dark / 100])
+    # A mixture's share is no unit.
+    assert read(f"nm,red 10% SCI\n{lines}").reflectance.max() == 0.9
+
+
 def test_one_kind_of_reading_keeps_names_and_is_said(read):
     table = read("Name,SCE 400,SCE 410\nred,10,20\n")
     assert table.names == ("red",)

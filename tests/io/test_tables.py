@@ -183,7 +183,11 @@ def test_slightly_negative_readings_are_noise(read):
             "nm,red\n400,12,34\n",
             "line 2: 3 cells where the header has 2; if commas are decimal points, separate",
         ),
-        ("wavenumber,red\n25000,.1\n", "'wavenumber' is no wavelength; write wavelengths in nm"),
+        (
+            "wavenumber,red\n25000,.1\n",
+            "'wavenumber' is no wavelength; write wavelengths in nm, or call the column "
+            "'wavelength' and say --unit 1/cm",
+        ),
         (b"\x89PNG\r\n\x1a\n\0\0", "a picture .PNG., which holds no spectra"),
         (b"\xff\xd8\xff\xe0\0", "a picture .JPEG."),
         ("nm,red\n400,2000\n410,3000\n", "too much for a fraction .* divide by what stands for"),

@@ -83,6 +83,27 @@ def test_a_scale_must_be_positive_and_finite(here, put, scale):
         options.stated(None, None, scale)
 
 
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"unit": "1/cm um"}, "unit 'um' contradicts '1/cm'"),
+        ({"unit": "percent fraction"}, "unit 'fraction' contradicts 100.0"),
+        ({"unit": "percent", "scale": 1.0}, "unit 'percent' contradicts 1.0"),
+    ],
+)
+def test_units_that_contradict_each_other_are_refused(put, stated, words):
+    with refusal(words):
+        read_spectra(put("wavelength,red\n400,0.5\n410,0.5\n", "film.csv"), **stated)
+
+
+def test_units_of_both_kinds_may_be_stated_together(put):
+    path = put("wavelength,red\n20000,50\n16000,40\n", "film.csv")
+    for stated in ({"unit": "1/cm percent"}, {"unit": "1/cm, percent", "scale": 100.0}):
+        table = read_spectra(path, **stated)
+        assert_array_equal(table.wavelengths, [500.0, 625.0])
+        assert_allclose(table.reflectance, [[0.5, 0.4]])
+
+
 def test_whole_wavelengths_in_wavenumbers_stay_whole():
     for decimals in (1, 2, 3):
         rounded = np.round(1e7 / GRID, decimals)

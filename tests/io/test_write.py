@@ -57,6 +57,17 @@ def test_envi_is_legal_for_spectral_python(here):
     assert library.bands.centers == GRID.tolist()
 
 
+@pytest.mark.parametrize("other", ["t", "t.img"])
+def test_no_library_is_written_that_another_file_would_stand_for(here, other):
+    Path(other).write_bytes(b"mine")
+    with refusal(
+        f"{other} lies next to t.hdr and would be read in place of t.sli", FileExistsError
+    ):
+        write_spectra(TABLE, "t.hdr", overwrite=True)
+    assert sorted(path.name for path in here.iterdir()) == [other]
+    assert Path(other).read_bytes() == b"mine"
+
+
 def test_bright_spectra_survive_csv(here):
     table = SpectraTable(GRID, ("glare",), np.full((1, GRID.size), 2.5))
     write_spectra(table, "t.csv")

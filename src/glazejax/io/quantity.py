@@ -131,11 +131,13 @@ def meaning(words: str) -> Meaning:
     # No title is longer; a search in more could take long.
     words = _PARTS.sub(" ", words[:200]).replace("_", " ").strip()
     quantity = next((name for name, pattern in _PATTERNS.items() if pattern.search(words)), "")
+    mode = _MODE.search(words)
+    # Of 'SCI %' the sign stands alone, too.
+    unit = _MODE.sub("", words)
     scale = next(
-        (scale for scale, any_, alone in _SCALES if (any_ if quantity else alone).search(words)),
+        (scale for scale, any_, alone in _SCALES if (any_ if quantity else alone).search(unit)),
         None,
     )
-    mode = _MODE.search(words)
     return Meaning(quantity, scale, mode[1].upper() if mode else "")
 
 
@@ -186,7 +188,8 @@ def read_units(stated: Stated) -> tuple[str, float | None]:
     empty and None where that says none.
 
     Raises:
-        ValueError: a word that is no unit, or a scale that is not positive or not finite.
+        ValueError: a word that is no unit or contradicts another, or a scale that is not positive
+            or not finite.
     """
     number = stated.get("scale")
     if number is not None and not 0 < number < math.inf:
@@ -196,9 +199,16 @@ def read_units(stated: Stated) -> tuple[str, float | None]:
     length = ""
     scale = None
     for word in (stated.get("unit") or "").replace(",", " ").split():
-        if recognised := length_unit(word):
+        recognised, value = length_unit(word), meaning(word).scale
+        before, now = (length, recognised) if recognised else (scale or number, value)
+        if before and now and before != now:
+            raise ValueError(
+                f"unit {word!r} contradicts {before!r}: state one unit of wavelengths, and one "
+                "unit or scale of values"
+            )
+        if recognised:
             length = recognised
-        elif (value := meaning(word).scale) is not None:
+        elif value is not None:
             scale = value
         else:
             raise ValueError(

@@ -12,7 +12,7 @@ from ...spectra import MAX_DECLARED, MAX_FRACTION, validate_wavelengths
 from ..finish import different, plain_name
 from ..outputs import file_format
 from ..quantity import names_sample
-from ..source import naming
+from ..source import DATA_ENDINGS, naming
 from ..spectra_table import SpectraTable, list_names
 from ..words import shield_name
 from ..write import write_files
@@ -43,7 +43,8 @@ def write_spectra(
         Sentences on what could not be kept as it was, such as a comma in an ENVI name.
 
     Raises:
-        FileExistsError: a file exists and `overwrite` is false.
+        FileExistsError: a file exists and `overwrite` is false; or one that would be read in place
+            of an ENVI library's own.
         FileNotFoundError: its folder does not exist.
         IsADirectoryError: it is a folder.
         ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths
@@ -80,6 +81,13 @@ def write_spectra(
 
         header, numbers, said = format_envi(table)
         notes += said
+        # Of several files next to a header the first of these endings is read.
+        for ending in DATA_ENDINGS[: DATA_ENDINGS.index(".sli")]:
+            if (other := path.with_suffix(ending)).is_file():
+                raise FileExistsError(
+                    f"{other} lies next to {path.with_suffix('.hdr').name} and would be read in "
+                    f"place of {path.with_suffix('.sli').name}: move it, or write to another name"
+                )
         files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): [header.encode()]}
     write_files(files, overwrite=overwrite)
     return notes

@@ -390,7 +390,12 @@ def _is_wide(cells: _Cells, row: list[str]) -> bool:
 
 
 def _no_wavelength(title: str) -> str:
-    return f"{title!r} is no wavelength; write wavelengths in nm"
+    how = (
+        ", or call the column 'wavelength' and say --unit 1/cm"
+        if "wavenumber" in title.lower()
+        else ""
+    )
+    return f"{title!r} is no wavelength; write wavelengths in nm{how}"
 
 
 def _choose_columns(cells: _Cells) -> tuple[list[int], list[int]]:
