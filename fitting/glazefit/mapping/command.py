@@ -129,8 +129,8 @@ def map_(
     spot: Annotated[
         list[str] | None,
         _option(
-            "One more paint: its spectrum is read from the cube at x,y, at x0:x1,y0:y1 or in "
-            "mask.png; can be repeated.",
+            "One more paint, where paints are mapped (--catalogue oils): its spectrum is read from "
+            "the cube at x,y, at x0:x1,y0:y1 or in mask.png; can be repeated.",
             "NAME=x,y",
         ),
     ] = None,
