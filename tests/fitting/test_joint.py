@@ -17,7 +17,7 @@ from glazefit.film.model.mixing import MixingLaw, weight_table
 from glazefit.film.model.response import film_response
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.joint.joint import UNIT, recover_jointly
-from glazefit.recover.joint.pose import Gauge, curvature_matrix, pose
+from glazefit.recover.joint.pose import Gauge, curvature_matrix, nearly_black, pose
 from glazefit.recover.joint.problem import (
     Expectations,
     Unknowns,
@@ -412,6 +412,15 @@ def test_a_film_left_out_does_not_say_that_its_paint_is_nearly_black():
     assert_array_equal(first, second)
     # Without its own film the shade says so.
     assert np.any(first)
+
+
+def test_which_of_two_equal_films_comes_first_says_nothing_of_a_paint():
+    readings = np.array([[[0.045]], [[0.3]], [[0.05]]])
+    shares = np.array([[1.0, 0.0], [1.0, 0.0], [0.2, 0.8]])
+    for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0]):
+        # A paint is nearly black where all its purest films are.
+        dark = nearly_black(readings[order], shares[order], 0.04)
+        assert_array_equal(dark, [[False, True]])
 
 
 def test_curvature_is_the_same_integral_on_any_grid():

@@ -295,12 +295,14 @@ def nearly_black(
     shares: FilmShares,
     surface: float,
 ) -> Bool[np.ndarray, "bands paints"]:
-    """True where the film with most of a paint, if it is the larger part, reflects hardly more than
-    its surface does.
+    """True where the films with most of a paint, if it is the larger part, reflect hardly more than
+    their surface does.
     """
     body = np.max(readings, axis=1, initial=0.0) - surface
-    purest = shares.argmax(axis=0)
-    return (body[purest].T < 0.03) & (shares.max(axis=0) > 0.5)
+    most = shares.max(axis=0)
+    purest = (shares == most)[..., None]
+    brightest = np.where(purest, body[:, None], -np.inf).max(axis=0)
+    return (brightest.T < 0.03) & (most > 0.5)
 
 
 def minor_parts(shares: FilmShares) -> Float[np.ndarray, "films parts paints"]:
