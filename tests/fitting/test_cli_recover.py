@@ -130,6 +130,7 @@ def test_bad_input_is_one_line_and_status_2(call, tmp_path, file):
     full = tmp_path / "full"
     full.mkdir()
     (full / "x").touch()
+    (tmp_path / "others.tsv").write_text("99Z\tRed|100\n")
     (tmp_path / "lacks").write_text("\n".join(file.read_text().splitlines()[:3]) + "\n")
     cases = [
         ("nowhere.tsv --out o", "nowhere.tsv", "no such file"),
@@ -163,6 +164,8 @@ def test_bad_input_is_one_line_and_status_2(call, tmp_path, file):
         ("--simulate --out o --into mine.csv", "--into is for measured films"),
         ("--simulate --out o --masstones", "--masstones is for measured films"),
         ("--simulate --out o --names f.tsv", "--names is for measured films"),
+        ("--simulate --out o --unit percent", "--unit is for measured films"),
+        ("f.tsv --out o --names others.tsv", "lists none of the films: they are 01A, 02B", "99Z"),
         ("f.tsv --out o --seed 3", "--seed 3 is for simulated films", "add --simulate"),
         ("f.tsv --out full", "full", "not empty", "--overwrite"),
         ("f.tsv --out f.tsv", "is a file"),

@@ -15,9 +15,15 @@ from glazefit.film.films import (
     reading_over,
     readings,
 )
-from glazefit.film.readers import is_masstone, read_recipes, readable_names
+from glazefit.film.readers import (
+    films_of,
+    is_masstone,
+    loose_films,
+    read_recipes,
+    readable_names,
+)
 from glazejax import Hemispherical
-from glazejax.io import write_table
+from glazejax.io import SpectraTable, write_table
 
 from ..commands import invoke
 from ..refusals import refusal
@@ -68,8 +74,19 @@ def test_percent_and_fraction_in_any_table_read_the_same(read, separator, scale)
     assert ("values are in percent; divided by 100" in films.notes) == (scale == 1.0)
 
 
+def test_an_ending_may_be_in_capitals(read):
+    capitals = read(table().replace("A1_ob", "A1_OB").replace("A1_w", "A1_W"))
+    assert capitals.names == ("A1",)
+    assert_array_equal(capitals.over_cards, read(table()).over_cards)
+
+
 BAD = {
     "missing row": (table({e: r for e, r in ROWS.items() if e != "ow"}), "'A1' has no row 'A1_ow'"),
+    "twice": (table() + "A1_OW,1,2,3\n", "film 'A1' has two rows 'A1_ow'"),
+    "conditions": (
+        table().replace("A1_ob", "A1_ob (M0)"),
+        "'A1_ob' was read under several conditions, such as M0: export one of them",
+    ),
     "odd name": (table() + "A1_x,1,2,3\n", "'A1_x' must end in _b"),
     "negative": (
         table(ROWS | {"ob": [10.0, -2.0, 14.0]}),
@@ -106,6 +123,19 @@ def test_recipes(tmp_path):
     assert [is_masstone(recipes[s]) for s in recipes] == [True, True, False, True]
     names = readable_names(("01A", "02A", "03", "04", "05"), recipes)
     assert names == ("01A Red", "02A Red", "03 Red 9.7% + White 90.3%", "Blue", "05")
+    # Weights are in any unit.
+    path.write_text("04\tBlue|1\n06\tRed-White|1-9\n")
+    recipes = read_recipes(path)
+    assert is_masstone(recipes["04"])
+    assert readable_names(("04", "06"), recipes) == ("Blue", "06 Red 10% + White 90%")
+
+
+def test_a_film_that_was_read_twice_is_refused():
+    notes = ["names that repeat were numbered: Red"]
+    readings = SpectraTable(GRID, ("Red", "Red (2)"), np.full((2, GRID.size), 0.2), notes=notes)
+    for films in (films_of, loose_films):
+        with refusal("numbered: Red; a film has one reading of each kind: average them first"):
+            films(readings)
 
 
 @pytest.mark.parametrize(

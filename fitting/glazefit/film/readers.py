@@ -26,6 +26,7 @@ from typing import Unpack
 import numpy as np
 
 from glazejax.io import SpectraTable, read_spectra
+from glazejax.io.finish import NUMBERED
 from glazejax.io.quantity import Stated
 from glazejax.io.source import naming, open_source
 from glazejax.io.spectra_table import list_names
@@ -46,6 +47,8 @@ USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
 
 _CARDS = {"card", "cards"}
+# A row with an ending, and the measurement condition of CxF behind it.
+_CONDITION = re.compile(r"(?P<row>.+_(?:b|w|ob|ow)) \((?P<condition>.+)\)", re.IGNORECASE)
 _TINT = re.compile(
     r"(?P<first>\S.*?)\s+(?P<a>\d+(?:\.\d+)?)\s*:\s*(?P<b>\d+(?:\.\d+)?)\s+(?P<second>\S.*)"
 )
@@ -124,12 +127,25 @@ def films_of(table: SpectraTable) -> Films:
 
 
 def rows_of(table: SpectraTable) -> dict[str, dict[str, int]]:
-    """Numbers of the rows of each film by their ending, "opaque" for a name without one."""
+    """Numbers of the rows of each film by their ending, "opaque" for a name without one.
+
+    Raises:
+        ValueError: a sample with several readings.
+    """
+    if repeated := [note for note in table.notes if note.startswith(NUMBERED)]:
+        raise ValueError(f"{repeated[0]}; a film has one reading of each kind: average them first")
     rows: dict[str, dict[str, int]] = {}
     for number, name in enumerate(table.names):
         film, _, ending = name.rpartition("_")
-        if film and ending in ROWS:
-            rows.setdefault(film, {})[ending] = number
+        if several := _CONDITION.fullmatch(name):
+            raise ValueError(
+                f"{several['row']!r} was read under several conditions, such as "
+                f"{several['condition']}: export one of them"
+            )
+        if film and (ending := ending.lower()) in ROWS:
+            if ending in rows.setdefault(film, {}):
+                raise ValueError(f"film {film!r} has two rows '{film}_{ending}'")
+            rows[film][ending] = number
         else:
             rows.setdefault(name, {})["opaque"] = number
     return rows
@@ -321,7 +337,7 @@ def read_recipes(path: str | Path) -> dict[str, dict[str, float]]:
 
 def is_masstone(recipe: dict[str, float]) -> bool:
     """True if a film is one paint only."""
-    return len(recipe) == 1 and next(iter(recipe.values())) >= 99.95
+    return len(recipe) == 1
 
 
 def readable_names(
@@ -340,10 +356,9 @@ def readable_names(
         elif is_masstone(recipe):
             names.append(next(iter(recipe)))
         else:
-            names.append(
-                f"{sample} "
-                + " + ".join(f"{paint} {weight:g}%" for paint, weight in recipe.items())
-            )
+            percent = 100.0 / sum(recipe.values())
+            parts = (f"{paint} {percent * weight:.4g}%" for paint, weight in recipe.items())
+            names.append(f"{sample} {' + '.join(parts)}")
     return tuple(
         f"{sample} {name}" if names.count(name) > 1 else name
         for sample, name in zip(samples, names, strict=True)

@@ -171,7 +171,8 @@ def recover(
     # What is known beside the films, and all options that are for measured films.
     knowledge = {"--into": into, "--white": white, "--wet-film": wet_film, "--excluded": excluded}
     measured = {"--masstones": masstones, "--names": names, **knowledge}
-    _check(file, simulate, check, joint, masstones, measured)
+    of_file = {"--quantity": quantity, "--unit": unit, "--scale": scale}
+    _check(file, simulate, check, joint, masstones, {**measured, **of_file})
     if seed and not simulate:
         raise ValueError(f"--seed {seed} is for simulated films; leave it out, or add --simulate")
     shelf = _catalogue(catalogue, bool(white) or simulate)
@@ -193,6 +194,7 @@ def recover(
     start_jax()
     seen_by = options.read_geometry(instrument, _GEOMETRY)
 
+    from glazejax.io.spectra_table import list_names
     from glazejax.paint.describe import format_length
 
     from ..film.films import Instrument, Noise
@@ -252,6 +254,15 @@ def recover(
         names_file = file.parent / NAMES_FILE
         listed = names or (names_file if names_file.is_file() else None)
         recipes = read_recipes(listed) if listed else {}
+        unlisted = [name for name in films.names if name not in recipes and not tint(name)]
+        if names is not None and unlisted:
+            if len(unlisted) == len(films):
+                raise ValueError(
+                    f"--names {names} lists none of the films: they are {list_names(films.names)}, "
+                    f"and it lists {list_names(list(recipes))}"
+                )
+            note = f"no recipe of {list_names(unlisted)}: each is taken for a paint of that name"
+            progress.print_notes(console, names, (note,))
         if masstones:
             if not recipes:
                 raise ValueError(

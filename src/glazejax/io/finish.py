@@ -303,6 +303,8 @@ def _to_fractions(
 
 
 # What no format of names can hold: control characters, surrogates, and two that XML forbids.
+NUMBERED = "names that repeat were numbered"
+"""Of a note on names that were made different."""
 _UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -330,7 +332,7 @@ def different(names: list[str], notes: list[str]) -> list[str]:
         taken.add(fresh)
         result.append(fresh)
     repeated = [name for name, count in counts.items() if count > 1]
-    notes.append(f"names that repeat were numbered: {list_names(repeated)}")
+    notes.append(f"{NUMBERED}: {list_names(repeated)}")
     return result
 
 
