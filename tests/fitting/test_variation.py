@@ -475,6 +475,7 @@ def test_command_refuses_in_one_line(check_refusal, tmp_path, paints):
     for said, recipe, words in (
         ("takes one film, and there are 2", "10 Vermillion + 90 ZincWhite", "--reading two.tsv"),
         ("no.tsv", "10 Vermillion + 90 ZincWhite", "--reading no.tsv"),
+        ("--unit is for the film of --reading", "ZincWhite", "--unit percent"),
         ("--samples is for the film of --reading", "10 Vermilion + 90 ZincWite", "--samples a"),
         ("Zinkweiss", "10 Vermillion + 90 Zinkweiss", ""),
         ("above 0", "10 Vermillion + 90 ZincWhite", "--thickness 0um"),

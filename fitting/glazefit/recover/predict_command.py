@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.command_line import changed
 from glazejax.commands.help_groups import help_groups
 
 if TYPE_CHECKING:
@@ -93,11 +94,12 @@ def predict(
     """
     # Wrong input is reported before anything heavy is loaded.
     thicknesses = [options.read_length(text) for text in options.split_names(thickness)]
-    for option, value in (("--samples", samples), ("--film-thickness", film_thickness)):
-        if value and reading is None:
-            raise ValueError(
-                f"{option} is for the film of --reading; leave it out, or give --reading FILE"
-            )
+    of_reading = {"samples": samples, "film_thickness": film_thickness}
+    of_reading |= {"quantity": quantity, "unit": unit, "scale": scale}
+    if reading is None and (unused := changed(predict, of_reading)):
+        raise ValueError(
+            f"{unused[0]} is for the film of --reading; leave it out, or give --reading FILE"
+        )
     options.check_names(read_recipe(mixture), pigments, catalogue)
     options.check_outputs({"--csv": out}, overwrite, inputs=[reading, pigments])
     from glazejax.commands.main import start_jax
