@@ -110,5 +110,10 @@ def test_what_is_refused():
         configuration_factor(0.5, 180.0)
     with refusal(r"position is -0\.1"):
         one_bounce([0.1], [0.1], 1.0, 1.0, 1.0, -0.1, 30.0)
+    for bounces in (one_bounce, all_bounces):
+        with refusal(r"body_b holds 50\.0.*not percent"):
+            bounces([0.5], [50.0], 1.0, 1.0, 1.0, [0.5], 30.0)
+        with refusal(r"cos_light_a holds 45\.0.*not an angle"):
+            bounces([0.5], [0.5], 45.0, 1.0, 1.0, [0.5], 30.0)
     with refusal("strips is 1"):
         all_bounces([0.1], [0.1], 1.0, 1.0, 1.0, 0.5, 30.0, strips=1)

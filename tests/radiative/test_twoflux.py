@@ -87,6 +87,11 @@ def test_energy(k, s):
         (two_flux_stack, (np.ones(2), np.array([2.0, np.inf])), "scattering holds inf"),
         (two_flux_field, (1.0, 2.0, 30.0), "share holds 30.0"),
         (two_flux_field, (1.0, 2.0, 0.5, 84.0), "substrate_reflectance holds 84.0"),
+        (saunderson, (50.0,), "reflectance holds 50.0; .*not percent"),
+        (two_flux_surface, (4.0, 0.6), "outer holds 4.0"),
+        (two_flux_surface, (0.04, 60.0), "inner holds 60.0"),
+        (kubelka_munk_from_radiative, (1.0, 1.0, 2.0), r"mean_cosine holds 2.0; .*\(-1, 1\)"),
+        (radiative_from_kubelka_munk, (-1.0, 1.0), "absorption holds -1.0"),
     ],
 )
 def test_what_is_out_of_range_is_named(function, values, words):

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..radiative.common.inputs import check_values
 from ..spectra import Numbers, as_float_array, concrete, matmul
 
 
@@ -75,10 +76,11 @@ def one_bounce(
         angle: gamma, degrees, (...).
 
     Raises:
-        ValueError: as `configuration_factor`.
+        ValueError: as `configuration_factor`, or a reflectance or a cosine out of range.
 
     Source: paper B, eq (9); that of B is the same with A and B exchanged.
     """
+    check_values(_of_planes(body_a, body_b, cos_light_a, cos_light_b))
     alpha = configuration_factor(position, angle)[..., None]
     lit_a = _lit(cos_light_a, light)
     lit_b = _lit(cos_light_b, light)
@@ -118,11 +120,12 @@ def all_bounces(
         `Joined` of (positions, bands); differentiable by spectra and cosines.
 
     Raises:
-        ValueError: as `configuration_factor`, or fewer than two strips.
+        ValueError: as `one_bounce`, or fewer than two strips.
 
     Source: C. M. Goral et al., Computer Graphics 18 (1984) 213 (paper B, reference 18); H. C.
     Hottel's crossed strings, as in M. F. Modest, Radiative Heat Transfer, 4.7.
     """
+    check_values(_of_planes(body_a, body_b, cos_light_a, cos_light_b))
     _check(position, angle)
     if strips < 2:
         raise ValueError(f"strips is {strips}; two planes need at least 2 each")
@@ -196,6 +199,18 @@ def _exchange(angle: float, strips: int) -> tuple[np.ndarray, np.ndarray, np.nda
 def _lit(cos_light: Numbers, light: Numbers) -> Float[Array, "*batch bands"]:
     """Light that falls on a plane: (N.L) I."""
     return jnp.maximum(as_float_array(cos_light), 0.0)[..., None] * as_float_array(light)
+
+
+def _of_planes(
+    body_a: Numbers, body_b: Numbers, cos_light_a: Numbers, cos_light_b: Numbers
+) -> dict[str, Numbers]:
+    """What must be in its range, by name."""
+    return {
+        "body_a": body_a,
+        "body_b": body_b,
+        "cos_light_a": cos_light_a,
+        "cos_light_b": cos_light_b,
+    }
 
 
 def _check(position: Numbers, angle: Numbers) -> None:

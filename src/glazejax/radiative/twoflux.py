@@ -74,8 +74,12 @@ def saunderson(
         outer: Fresnel reflectance of the surface for the incident light.
         inner: the same for diffuse light from inside.
 
+    Raises:
+        ValueError: a value out of range, which is named.
+
     Source: Saunderson (1942).
     """
+    check_values({"reflectance": reflectance, "outer": outer, "inner": inner})
     r, outer_faces, inner_faces = (jnp.asarray(value) for value in (reflectance, outer, inner))
     return (1.0 - outer_faces) * (1.0 - inner_faces) * r / (1.0 - inner_faces * r)
 
@@ -106,7 +110,11 @@ def two_flux_surface(outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> TwoFlux
     Args:
         outer: Fresnel reflectance for light from the air, (...).
         inner: for diffuse light from inside, (...).
+
+    Raises:
+        ValueError: a value out of range, which is named.
     """
+    check_values({"outer": outer, "inner": inner})
     out, inner_faces = jnp.broadcast_arrays(jnp.asarray(outer, float), jnp.asarray(inner, float))
     return TwoFluxSlab(out, inner_faces, 1.0 - out, 1.0 - inner_faces)
 
@@ -200,7 +208,11 @@ def kubelka_munk_from_radiative(
     Args:
         absorption, scattering: k and s, (...), >= 0, in any common unit.
         mean_cosine: g of the phase function, (...), in (-1, 1): only s (1 - g) counts.
+
+    Raises:
+        ValueError: a value out of range, which is named.
     """
+    _check_medium(absorption, scattering, mean_cosine)
     k, s, g = (jnp.asarray(x) for x in (absorption, scattering, mean_cosine))
     return 2.0 * k, 0.75 * s * (1.0 - g)
 
@@ -212,6 +224,15 @@ def radiative_from_kubelka_munk(
     its conditions.
 
     K and S fix only s (1 - g): the phase function must be known or be taken to be isotropic.
+
+    Raises:
+        ValueError: a value out of range, which is named.
     """
+    _check_medium(absorption, scattering, mean_cosine)
     k, s, g = (jnp.asarray(x) for x in (absorption, scattering, mean_cosine))
     return 0.5 * k, s / (0.75 * (1.0 - g))
+
+
+def _check_medium(absorption: ArrayLike, scattering: ArrayLike, mean_cosine: ArrayLike) -> None:
+    """Refuse values out of range."""
+    check_values({"absorption": absorption, "scattering": scattering, "mean_cosine": mean_cosine})

@@ -38,11 +38,15 @@ def is_amount(x: Any) -> Any:
 
 
 _AMOUNT = (">= 0 and finite", is_amount)
+_FRACTION = ("in [0, 1] (a fraction, not percent)", _is_fraction)
+# What is computed may be a hair beyond its range, by rounding.
+_COMPUTED = (_FRACTION[0], lambda x: (x >= 0) & (x <= 1 + 1e-5))
+_SIGNED_COSINE = ("in [-1, 1] (a cosine, not an angle)", lambda x: abs(x) <= 1 + 1e-5)
 _COSINE = ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1))
 _RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "albedo": ("in [0, 1]", _is_fraction),
     "optical_thickness": _AMOUNT,
-    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", _is_fraction),
+    "substrate_reflectance": _FRACTION,
     "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
     "cos_incidence": _COSINE,
     "cos_viewing": _COSINE,
@@ -51,6 +55,15 @@ _RANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "absorption": _AMOUNT,
     "scattering": _AMOUNT,
     "share": ("in [0, 1]", _is_fraction),
+    "reflectance": _COMPUTED,
+    "outer": _FRACTION,
+    "inner": _FRACTION,
+    "mean_cosine": ("in (-1, 1)", lambda x: abs(x) < 1),
+    # Of two planes that are joined.
+    "body_a": _COMPUTED,
+    "body_b": _COMPUTED,
+    "cos_light_a": _SIGNED_COSINE,
+    "cos_light_b": _SIGNED_COSINE,
 }
 
 

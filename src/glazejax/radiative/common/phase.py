@@ -117,7 +117,8 @@ def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array
 
 
 def check_moments(moments: Numbers) -> None:
-    """Refuse known moments that no phase function has.
+    """Refuse known moments that no phase function has; of truncated ones, which may be those of a
+    function that is somewhere negative (as [1, g] is for g above 1/3), each is looked at alone.
 
     Raises:
         ValueError: no last axis, a first moment that is not 1, or others beyond 1 in absolute
