@@ -1,6 +1,7 @@
 """The sodium D line and two lines of mercury in every unit of wavelength that a file can state."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,15 +92,17 @@ def test_a_scale_must_be_positive_and_finite(here, put, scale):
         ({"unit": "percent", "scale": 1.0}, "unit 'percent' contradicts 1.0"),
     ],
 )
-def test_units_that_contradict_each_other_are_refused(put, stated, words):
+def test_units_that_contradict_each_other_are_refused(put, stated: Any, words):
     with refusal(words):
         read_spectra(put("wavelength,red\n400,0.5\n410,0.5\n", "film.csv"), **stated)
 
 
 def test_units_of_both_kinds_may_be_stated_together(put):
     path = put("wavelength,red\n20000,50\n16000,40\n", "film.csv")
-    for stated in ({"unit": "1/cm percent"}, {"unit": "1/cm, percent", "scale": 100.0}):
-        table = read_spectra(path, **stated)
+    for table in (
+        read_spectra(path, unit="1/cm percent"),
+        read_spectra(path, unit="1/cm, percent", scale=100.0),
+    ):
         assert_array_equal(table.wavelengths, [500.0, 625.0])
         assert_allclose(table.reflectance, [[0.5, 0.4]])
 

@@ -165,7 +165,7 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
 
     with picture(path, 7.0, 4.2) as figure:
         axes = figure.subplots()
-        for pigment in pigments:
+        for number, pigment in enumerate(pigments):
             k = np.asarray(pigment.absorption, float)
             s = np.asarray(pigment.scattering, float)
             # Optical thickness that hides the ground, of paint that hardly absorbs, too.
@@ -179,6 +179,8 @@ def _draw(path: Path, about: "Family", pigments: "list[Pigment]") -> None:
             axes.plot(
                 pigment.wavelengths,
                 np.asarray(reading),
+                # Colours repeat after ten.
+                "-" if number < 10 else "--",
                 lw=1.0,
                 label=pigment.name.partition("/")[2],
             )

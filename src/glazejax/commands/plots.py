@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 # Signs of Unicode: matplotlib's own grammar of formulas takes a fifth of a second to build.
 _NOTE = """R₀: seen with no coat. R₁: one
-coat on the ground. R: bare ground.
+coat on the ground. R: bare
+ground.
 Mixing: the same paint stirred
 into an opaque one that looks
 like R₀, as much of it as brings

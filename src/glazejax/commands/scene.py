@@ -31,7 +31,7 @@ def scene(
     spectral: Annotated[
         Path | None,
         options.option(
-            help="Also write the spectrum of every pixel: .npz or .exr (OpenEXR).",
+            help="Also write the spectrum of every pixel (raycast only): .npz or .exr (OpenEXR).",
         ),
     ] = None,
     size: Annotated[
