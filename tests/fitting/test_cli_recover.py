@@ -161,6 +161,10 @@ def test_bad_input_is_one_line_and_status_2(call, tmp_path, file):
         ("f.tsv --out o --wet-film 100um,50um", "'50um' is for all films and must stand first"),
         ("f.tsv --out o --wet-film 01A=100um,50um", "for one film write FILM=50um"),
         ("f.tsv --out o --wet-film 01A=100um,01A=50um", "--wet-film: '01A' is named twice"),
+        (
+            "f.tsv --out o --wet-film 100um±5%,01A=50um±60%",
+            "one error counts for all lengths, and 5% and 60% are stated",
+        ),
         ("--simulate --out o --into mine.csv", "--into is for measured films"),
         ("--simulate --out o --masstones", "--masstones is for measured films"),
         ("--simulate --out o --names f.tsv", "--names is for measured films"),

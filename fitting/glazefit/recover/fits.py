@@ -363,7 +363,12 @@ def read_gauge(text: str, films: Sequence[str], option: str = "--wet-film") -> G
             )
         named |= {film} if equals else set()
         lengths |= dict.fromkeys([film] if equals else films, metres)
-    return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
+    if len(set(errors)) > 1:
+        raise ValueError(
+            f"{option}: one error counts for all lengths, and {min(errors):.0%} and "
+            f"{max(errors):.0%} are stated; state one"
+        )
+    return Gauge(lengths, error=errors[0]) if errors else Gauge(lengths)
 
 
 def _say_scale(
