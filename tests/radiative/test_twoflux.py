@@ -78,6 +78,18 @@ def test_energy(k, s):
         assert reflectance + transmittance == pytest.approx(1)
 
 
+@pytest.mark.parametrize("depth", [1e3, 1e7, 1e9, 1e15, 1e17, 1e18])
+def test_a_layer_that_absorbs_nothing_on_a_perfect_ground_reflects_all(depth):
+    assert two_flux_reflectance(0.0, depth, 1.0) == pytest.approx(1.0)
+    assert np.float32(two_flux_reflectance(jnp.float32(0.0), jnp.float32(depth), 1.0)) == (
+        pytest.approx(1.0, rel=1e-5)
+    )
+    assert_allclose(two_flux_field(0.0, depth, 0.5, 1.0), 1.0)
+    stack = two_flux_stack(np.zeros(2), np.full(2, depth))
+    assert_allclose([stack.above, stack.below], 1.0, rtol=2e-3)
+    assert 0.0 <= stack.down < 1e-3
+
+
 @pytest.mark.parametrize(
     ("function", "values", "words"),
     [

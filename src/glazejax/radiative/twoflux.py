@@ -33,13 +33,20 @@ def two_flux_layer(
 
     Source: paper C (Shinya et al.), equation (10); Kubelka and Munk (1931).
     """
+    return _layer(absorption, scattering)[:2]
+
+
+def _layer(
+    absorption: ArrayLike, scattering: ArrayLike
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+    """R and T of `two_flux_layer`, and 1 - R, which rounding would lose where R is near 1."""
     check_values({"absorption": absorption, "scattering": scattering})
     k, s = jnp.broadcast_arrays(jnp.asarray(absorption, float), jnp.asarray(scattering, float))
     # (b S d)^2 = K d (K d + 2 S d).
     tanh, sech = tanh_sech(k * (k + 2.0 * s), jnp.ones_like(k))
     # (a sinh + b cosh)/(b cosh).
     below = 1.0 + (k + s) * tanh
-    return s * tanh / below, sech / below
+    return s * tanh / below, sech / below, (1.0 + k * tanh) / below
 
 
 def two_flux_reflectance(
@@ -59,9 +66,17 @@ def two_flux_reflectance(
         # What another layer reflects may be a hair above 1, by rounding.
         hair = (below > 1) & (below < 1 + 1e-5)
         check_values({"substrate_reflectance": np.where(hair, 1.0, below)})
-    reflectance, transmittance = two_flux_layer(absorption, scattering)
+    reflectance, transmittance, lost = _layer(absorption, scattering)
     ground = jnp.asarray(substrate_reflectance)
-    return reflectance + transmittance**2 * ground / (1.0 - reflectance * ground)
+    return reflectance + transmittance**2 * ground / _remaining(reflectance, lost, ground)
+
+
+def _remaining(reflectance: Array, lost: Array, other: Array) -> Float[Array, "*batch"]:
+    """1 - R R_other with 1 - R known, which it is no less than: of a thick layer that absorbs
+    nothing on a perfect ground rounding would leave nothing.
+    """
+    product = lost + reflectance * (1.0 - other)
+    return jnp.where(product >= lost, product, lost)
 
 
 def saunderson(
@@ -125,8 +140,9 @@ def two_flux_join(upper: TwoFluxSlab, lower: TwoFluxSlab) -> TwoFluxSlab:
     Source: paper C, equation (14) with its misprints put right; unlike (12) it needs no slab to let
     light through.
     """
-    # Light between the slabs goes to and fro.
-    between = 1.0 / (1.0 - upper.below * lower.above)
+    # Light between the slabs goes to and fro; where both reflect all of it, none comes through.
+    least = jnp.finfo(jnp.result_type(upper.below, lower.above, float)).eps
+    between = 1.0 / jnp.maximum(1.0 - upper.below * lower.above, least)
     return TwoFluxSlab(
         upper.above + upper.up * between * lower.above * upper.down,
         lower.below + lower.down * between * upper.below * lower.up,
@@ -169,10 +185,10 @@ def two_flux_field(
     k, s, above, ground = jnp.broadcast_arrays(
         *(jnp.asarray(x, float) for x in (absorption, scattering, share, substrate_reflectance))
     )
-    reflectance, transmittance = two_flux_layer(above * k, above * s)
+    reflectance, transmittance, lost = _layer(above * k, above * s)
     below = two_flux_reflectance((1.0 - above) * k, (1.0 - above) * s, ground)
     # Light at the depth goes to and fro between what lies above and what lies below.
-    down = transmittance / (1.0 - reflectance * below)
+    down = transmittance / _remaining(reflectance, lost, below)
     return down, below * down
 
 
