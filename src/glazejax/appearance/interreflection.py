@@ -80,7 +80,7 @@ def one_bounce(
 
     Source: paper B, eq (9); that of B is the same with A and B exchanged.
     """
-    check_values(_of_planes(body_a, body_b, cos_light_a, cos_light_b))
+    _check_planes(body_a, body_b, cos_light_a, cos_light_b)
     alpha = configuration_factor(position, angle)[..., None]
     lit_a = _lit(cos_light_a, light)
     lit_b = _lit(cos_light_b, light)
@@ -125,7 +125,7 @@ def all_bounces(
     Source: C. M. Goral et al., Computer Graphics 18 (1984) 213 (paper B, reference 18); H. C.
     Hottel's crossed strings, as in M. F. Modest, Radiative Heat Transfer, 4.7.
     """
-    check_values(_of_planes(body_a, body_b, cos_light_a, cos_light_b))
+    _check_planes(body_a, body_b, cos_light_a, cos_light_b)
     _check(position, angle)
     if strips < 2:
         raise ValueError(f"strips is {strips}; two planes need at least 2 each")
@@ -201,16 +201,18 @@ def _lit(cos_light: Numbers, light: Numbers) -> Float[Array, "*batch bands"]:
     return jnp.maximum(as_float_array(cos_light), 0.0)[..., None] * as_float_array(light)
 
 
-def _of_planes(
+def _check_planes(
     body_a: Numbers, body_b: Numbers, cos_light_a: Numbers, cos_light_b: Numbers
-) -> dict[str, Numbers]:
-    """What must be in its range, by name."""
-    return {
-        "body_a": body_a,
-        "body_b": body_b,
-        "cos_light_a": cos_light_a,
-        "cos_light_b": cos_light_b,
-    }
+) -> None:
+    """Refuse reflectances and cosines out of range."""
+    check_values(
+        {
+            "body_a": body_a,
+            "body_b": body_b,
+            "cos_light_a": cos_light_a,
+            "cos_light_b": cos_light_b,
+        }
+    )
 
 
 def _check(position: Numbers, angle: Numbers) -> None:

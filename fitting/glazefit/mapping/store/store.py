@@ -330,7 +330,7 @@ class MapStore:
                 leftover.unlink(missing_ok=True)
             for window in self.windows() if self.complete else sorted(self.done()):
                 self._remove_damaged(window)
-            begun = bool(self.work.done() or self.done())
+            begun = bool(self.work.done())
             try:
                 yield
             except ValueError:
