@@ -77,13 +77,19 @@ class RecipeTask:
     @property
     def is_narrow(self) -> bool:
         """True where fewer paints or coats are allowed than are tried without being asked."""
-        paints, coats = (6, 6) if self.glazes else _MIXED
+        paints, coats = _usual_most(self.glazes)
         return self.max_paints < min(paints, len(self.pigments)) or self.max_coats < coats
 
     @property
     def wavelengths(self) -> Bands:
         """Wavelengths of the pigments, nm."""
         return self.pigments[0].wavelengths
+
+
+def _usual_most(glazes: bool) -> tuple[int, int]:
+    """Paints and coats that are tried at most without being asked."""
+    # Coats of a single paint each are quickly gone through: all that are possible are.
+    return (6, 6) if glazes else _MIXED
 
 
 def make_task(
@@ -108,9 +114,9 @@ def make_task(
     """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
-    # Coats of a single paint each are quickly gone through: all that are possible are.
-    max_paints = (6 if glazes else _MIXED[0]) if max_paints is None else max_paints
-    max_coats = (6 if glazes else _MIXED[1]) if max_coats is None else max_coats
+    usual_paints, usual_coats = _usual_most(glazes)
+    max_paints = usual_paints if max_paints is None else max_paints
+    max_coats = usual_coats if max_coats is None else max_coats
     limits = {
         "max_paints": (max_paints, 6),
         "max_coats": (max_coats, 6 if glazes else 4),
